@@ -6,11 +6,16 @@ import math
 from itertools import cycle, pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from thermocorr.live.filled import MovingAverage, Tracker
+from thermocorr import DynamicBiasRegressor, OnlineCorrector
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
+from thermocorr.equations import MovingAverage
+from thermocorr.live.filled import Tracker
 
 SIZES = ("1", "N-1", "N", "N+1", "2N+1", "8191", "8192", "8193", "mixed")
 
@@ -65,6 +70,25 @@ def test_a_huge_reading_leaves_with_its_window(huge):
     np.testing.assert_allclose(MovingAverage(3).many(values), expected, rtol=1e-12)
     average = MovingAverage(3)
     np.testing.assert_allclose([average.one(value) for value in values.tolist()], expected, rtol=1e-15)
+
+
+def test_batch_live_and_command_write_the_same_mean(tmp_path, capsys):
+    """Eqs. (9) (26)."""
+    record = make_record(1200, seed=5)
+    X, y = record.drop(columns="reading"), record["reading"]
+    model = DynamicBiasRegressor("temperature", ["10 min"], degree=1).fit(X, y)
+    smoothed = model.correct(X, y, average=25)
+    assert smoothed.name == "smoothed" and smoothed.iloc[100] == pytest.approx(model.correct(X, y).iloc[76:101].mean())
+    live = OnlineCorrector(model, average=25).update_many(X, y)
+    np.testing.assert_allclose(live["smoothed"], smoothed, rtol=1e-9)
+    with pytest.raises(ValueError, match="average or return_std"):
+        model.correct(X, y, average=25, return_std=True)
+    record.to_csv(tmp_path / "log.csv")
+    command = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "10min", "--variant", "dynamic-linear"]
+    assert main([*command, "--average", "25", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    written = pd.read_csv(tmp_path / "out" / "corrected.csv")
+    np.testing.assert_allclose(written["smoothed"], smoothed, rtol=1e-9)
+    assert main([*command, "--average", "0"]) == 2 and "--average 0" in capsys.readouterr().err
 
 
 def test_a_reset_forgets():

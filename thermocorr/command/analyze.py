@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
 from ..estimators.progress import Progress, has_bars, told
 from ..files import Outputs
@@ -70,6 +71,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"use this correction, and not the one that is advised: {', '.join(VARIANTS)}",
     )
+    model.add_argument(
+        "--average", type=int, metavar="N", help="write the mean of the last N corrected readings too, as `smoothed`"
+    )
     model.add_argument("--window", type=int, default=25, metavar="N", help="samples of the moving average (default 25)")
     model.add_argument(
         "--blocks", type=int, default=5, metavar="N", help="blocks of time for held-out figures (default 5)"
@@ -124,6 +128,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             n_blocks=options.blocks,
             progress=progress,
         )
+    average = None if options.average is None else MovingAverage(options.average)
     asked = (options.variant or "").replace("-", " ")
     judged = _judge(comparison.models[asked or comparison.begun], X, y, options, progress)
     noted = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)))
@@ -144,6 +149,8 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     files: list[str] = []
     if folder is not None and answer.choice != "none":
         evaluated, more = _evaluated(best, X, read)
+        if average is not None:
+            evaluated["smoothed"] = average.many(evaluated["corrected"].to_numpy(float))
         answer = replace(answer, notes=(*answer.notes, *more))
         files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
         files += map(str, write_model(outputs, folder, best, (X, y)))

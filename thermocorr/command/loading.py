@@ -157,7 +157,7 @@ def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) ->
     )
 
 
-RANGES = (("degree", 0, 9), ("blocks", 2, 0), ("window", 1, 0))
+RANGES = (("degree", 0, 9), ("blocks", 2, 0), ("window", 1, 0), ("average", 1, 0))
 """Options that are whole numbers, with their least value and their greatest, 0 for none."""
 
 

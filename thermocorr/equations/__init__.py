@@ -3,12 +3,13 @@
 from .allan import AllanDeviation, AllanStream, allan_deviation
 from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
-from .statistics import moving_average, reduction_db
+from .statistics import MovingAverage, moving_average, reduction_db
 
 __all__ = [
     "AllanDeviation",
     "AllanStream",
     "LagState",
+    "MovingAverage",
     "RidgeSolution",
     "TriangularFactor",
     "allan_deviation",

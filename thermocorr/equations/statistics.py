@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -41,6 +42,58 @@ def moving_average(values: Floats, window: int) -> Floats:
     number = count[high] - count[low]
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(number > 0, (total[high] - total[low]) / number + offset, np.nan)
+
+
+class MovingAverage:
+    """Mean of the last `count` values, eq. (26): looking back only, since a stream has no future.
+
+    NaN leave it as it is, and get NaN.
+    """
+
+    def __init__(self, count: int):
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise ValueError(f"The 'average' parameter must be a number of samples, at least 1. Got {count!r} instead.")
+        self.count = int(count)
+        self.values: deque[float] = deque(maxlen=self.count)
+
+    def reset(self) -> None:
+        """Forget all values."""
+        self.values.clear()
+
+    def one(self, value: float) -> float:
+        """The mean, after one more value."""
+        if math.isnan(value):
+            return math.nan
+        self.values.append(value)
+        return math.fsum(self.values) / len(self.values)
+
+    def many(self, values: np.ndarray) -> np.ndarray:
+        """The mean after each of many values, shape (n,)."""
+        result = np.full(len(values), np.nan)
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known):
+            line = np.concatenate((np.array(self.values), values[known]))
+            offset = float(np.median(line))  # small numbers keep their digits
+            sums = _window_sums(line - offset, self.count)[len(self.values) :]
+            counts = np.minimum(np.arange(len(self.values), len(line)) + 1, self.count)
+            result[known] = sums / counts + offset
+            self.values.extend(values[known][-self.count :].tolist())
+        return result
+
+
+def _window_sums(values: np.ndarray, count: int) -> np.ndarray:
+    """Sums over the last `count` values, of fewer at the beginning, shape (n,).
+
+    A window is the end of one stretch of `count` values and the beginning of the next (van Herk 1992, Pattern
+    Recognition Letters 13, 517): nothing is subtracted, so an absurd value is gone when it has left the window.
+    """
+    n, count = len(values), min(count, len(values))
+    stretches = np.zeros((-(-n // count) + 1, count))
+    stretches.ravel()[count : count + n] = values  # a stretch of zeros before the first
+    beginnings = np.cumsum(stretches, axis=1).ravel()[count : count + n]
+    ends = np.cumsum(stretches[:, ::-1], axis=1)[:, ::-1].ravel()
+    after = np.arange(1, n + 1)  # where the window begins
+    return np.where((after + count) % count == 0, beginnings, beginnings + ends[after])
 
 
 def reduction_db(after: float, before: float) -> float:

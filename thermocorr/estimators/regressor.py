@@ -14,6 +14,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
+from ..equations import MovingAverage
 from ..records import Block, Record
 from ..records.errors import warn
 from ..records.segments import Flags
@@ -277,13 +278,16 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             return like(X, value, "bias"), like(X, u, "u")
         return like(X, self.removed_part(self._contributions(X)), "bias")
 
-    def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
+    def correct(self, X: Any, y: Any, return_std: bool = False, average: int | None = None) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
         leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
-        for complete; `uncertainty` has more to say.
+        for complete; `uncertainty` has more to say. With `average` the mean of the last so many corrected readings, or
+        those so far, eqs. (9) (26), as `OnlineCorrector` has it; its uncertainty is that of `Uncertainty.mean`.
         """
+        if average is not None and return_std:
+            raise ValueError("correct() takes average or return_std. uncertainty(X, y).mean(rows) has that of a mean.")
         reading = self.reading_numbers(X, y)
         if return_std:
             corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
@@ -291,6 +295,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             parts, believed = self._parts(X, reading)
             corrected = believed - self.removed_part(parts)
         check_corrected(self.reading_, corrected, reading, self._level_asked_for())
+        if average is not None:
+            return like(X, MovingAverage(average).many(corrected), "smoothed")
         value = like(X, corrected, "corrected")
         return (value, like(X, u, "u")) if return_std else value
 

@@ -15,17 +15,17 @@ from ..records.times import written_by_arrow
 from .model_file import content_of
 from .writer import TEXT_MARK, Outputs
 
-RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u")
+RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u", "smoothed")
 TAKEN = "_thermocorr"
 """Ending of a column's name where the log has one of that name."""
 _RESULTS = (RESULT_COLUMNS, ("corrected", "bias", "flag", "u", "smoothed", "u_smoothed", "reference"))
-"""Columns that `thermocorr analyze` writes, and those that `thermocorr correct` may write: always the first three."""
+"""Columns that `thermocorr analyze` and `thermocorr correct` may write: always the first three."""
 
 
 def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
-    """Write corrected.csv: the log as it came, and five columns more; an index of times without a name is called so."""
-    names = new_names(RESULT_COLUMNS, log.columns)
-    result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, RESULT_COLUMNS, strict=True)})
+    """Write corrected.csv: the log as it came, then what `evaluated` has; an index without a name is 'time'."""
+    names = new_names(list(evaluated.columns), log.columns)
+    result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, evaluated.columns, strict=True)})
     path = folder / "corrected.csv"
     file = outputs.open(path)
     try:  # floats are written with all the digits that tell them apart

@@ -70,8 +70,6 @@ BEYOND = 2.0
 START_HELD = 0.03
 """Size of a direction that they span, over that of the first, below which it is left out: each takes of slow causes. In
 300 runs all that thirteen decays span hid a humidity, and two directions left a hysteresis that was not there."""
-START_TOLD = 0.003
-"""The same of the first start, which competes and is not held."""
 MOST_LEVELS = 30
 """Runs from which a level for each of them is no suspect."""
 GROUPS = 16
@@ -168,8 +166,6 @@ CLEAR = 3.0
 is taken in, or the model's own lags are lacking: half of the squared error."""
 NEAR = 0.75
 """Share of the greatest fall on later stretches from which an explanation is nearly as good: the likelihood decides."""
-HALF = 0.5
-"""Share of a rival's gain that a term leaves it, below which one of the two is enough."""
 SPEAKS = -6.0
 """Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""
 
@@ -191,12 +187,8 @@ TIE = 4.0
 ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""
-PAIRS = 5
-"""Likeliest pairs that hide one another, by the noise that stands, for which it is estimated anew."""
 FRUITLESS = 3
 """Terms in a row that are worth nothing, after which no further one is looked for."""
-MOST = 16
-"""Terms that are looked for."""
 OF_THERMOMETER = 2.0
 """Structure that is left over what the errors of the thermometers make in the reading, up to which these are its cause.
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
@@ -222,6 +214,3 @@ NO_MORE = 1e-3
 between two rows."""
 TUNED = 4
 """Kinds whose parameters are tuned in each turn."""
-WITHIN = 0.3
-"""Least share of the best score at which a kind's parameters are tuned. A hinge between the points of the grid had two
-thirds of its score there."""

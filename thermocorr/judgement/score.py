@@ -363,24 +363,6 @@ class Comparison:
         other.adopt(0)
         return other.screen(other.base.theta)[1:]
 
-    def of_pairs(self, pairs: Sequence[tuple[int, int]], rows: bool = False) -> Comparison:
-        """The base with pairs of its explanations, each pair as one; their `rows` are for what asks where they lie."""
-        other = copy(self)
-        other.explanations = [self._joined(i, j, rows) for i, j in pairs]
-        return other
-
-    def _joined(self, i: int, j: int, rows: bool) -> ExplanationColumns | None:
-        one, other = self.explanations[i], self.explanations[j]
-        if one is None or other is None:
-            return None
-        crossed, n = self._crossed(one.rows, other.rows), self.n if rows else 0
-        return ExplanationColumns(
-            rows=np.column_stack((one.rows[:n], other.rows[:n])),
-            own=np.block([[one.own, crossed], [crossed.transpose(0, 2, 1), other.own]]),
-            base=np.concatenate((one.base, other.base), axis=2),
-            reading=np.concatenate((one.reading, other.reading), axis=1),
-        )
-
     def dropped(self, k: int, tried: bool = True) -> Comparison:
         """The base without one of the adopted explanations, which may be `tried` again as the others are."""
         part, other = self.causes[k], self.copy()

@@ -12,7 +12,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -33,20 +33,16 @@ from .levels import (
     FINE,
     FINER,
     FRUITLESS,
-    HALF,
     INFLATION,
     LEVEL,
     LOOKS,
-    MOST,
     NEAR,
     NO_MORE,
-    PAIRS,
     ROUNDED_OFF,
     SHARES,
     SPEAKS,
     TIE,
     TUNED,
-    WITHIN,
 )
 from .scan import DATED, Shifts, dated, delays, filtered, lasting, tries, waves
 from .score import Comparison, Fit
@@ -313,8 +309,7 @@ class Search:
 
     def _tuned(self, judged: Comparison, found: Sequence[Tried]) -> list[Tried]:
         """The best few kinds with their parameters moved to where they explain most."""
-        least = WITHIN * max((t.score for t in found), default=0.0)
-        able = [t for t in found if t.score > max(least, 0.0) and not t.explanation.in_model]
+        able = [t for t in found if t.score > 0 and not t.explanation.in_model]
         able.sort(key=lambda t: -t.score)
         kinds = list(dict.fromkeys(t.key for t in able))[:TUNED]
         laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
@@ -323,26 +318,24 @@ class Search:
         return self._weighed(judged, self.family.add([each for each in near if each is not None]))
 
     # ---- the search ------------------------------------------------------------------------------------------------
-    def run(self, most: int = MOST) -> None:
+    def run(self, most: int | None = None) -> None:
         """Find the set, of `most` terms; `judged` is the state with it, and `last` what was tried beside it."""
         if self.pool.rows.exact:
             return
         self._take_helpful()
         seen, settled = set[frozenset[int]](), False
-        while len(self.judged.adopted) < most and not self.rounded and self.fruitless < FRUITLESS:
+        while len(self.judged.adopted) != most and not self.rounded and self.fruitless < FRUITLESS:
             self.family.judged = self.judged
             self.family.add_anywhere()
             self.last = self.look(self.judged)
             best = self._best()
-            found = self._pair() if best is None else [best.number]
-            if not found:
+            if best is None:
                 if settled or not self._settle():
                     break
                 settled = True
                 continue
-            for number in found:
-                self.judged.adopt(number)
-            self._tune(found)
+            self.judged.adopt(best.number)
+            self._tune([best.number])
             self._drop()
             now = frozenset(self.judged.adopted)
             if now in seen:
@@ -411,19 +404,6 @@ class Search:
                 return best
             self.copies[best.key] = Copies.of(self.pool, self.judged, held, best.number, best.explanation.effect)
             self.last = sorted(map(self._beside_copies, self.last), key=lambda t: -t.score)
-
-    def _pair(self) -> list[int]:
-        """Two explanations that hide one another, proven together."""
-        family, judged = self.family, self.judged
-        alive = [i for i in family.alive() if family.tried[i].key[0] not in ANYWHERE and not family.tried[i].is_start]
-        near, n_pairs = pairs(judged, family.tried, [i for i in alive if may_hide(family.tried[i])])
-        if not near:
-            return []
-        most, tests = near[0], family.looks * (family.n_tests + LOOKS * n_pairs)
-        width = judged.width(most.first) + judged.width(most.second)
-        chance = float(tests * chdtrc(width, 2 * max(most.gain, 0.0)))
-        score = most.gain - family.price(most.first) - family.price(most.second)
-        return [most.first, most.second] if chance <= LEVEL and score > 0 else []
 
     def _settle(self) -> bool:
         """Exchange, tune and drop terms; returns whether anything gained."""
@@ -498,11 +478,6 @@ class Search:
             me = self._weighed(beside, [number])[0]
             rivals = [t for t in tried if t.key != me.key and t.as_likely(me)]
             alike = [t for t in rivals if beside.overlap(number, t.number) > ALIKE]
-            rest = [t for t in rivals if t not in alike and t.score >= me.score - TIE]
-            if rest:
-                left = beside.gained_beside(number, [t.number for t in rest])
-                alone = beside.screen(beside.base.theta, [t.number for t in rest])
-                alike += [t for t, one, other in zip(rest, left, alone, strict=True) if one < HALF * other]
             found.append(
                 Term(tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]), alike=tuple(alike))
             )
@@ -542,39 +517,3 @@ def retuned(pool: Pool, beside: Comparison, explanation: Explanation, shares: Se
             first = int(np.argmax(gains > gains.max() - NO_MORE))
             most, best = gains[first], near[first]
     return None if best is explanation else best
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """Two explanations that hide one another, as an ageing that a drift opposes, by their numbers in a comparison."""
-
-    first: int
-    """The plainer one."""
-    second: int
-    gain: float
-    """Log likelihood that they gain together."""
-
-
-def may_hide(explanation: Explanation) -> bool:
-    """Whether an explanation may be hidden by another one: a slow change, or a product with a recorded column."""
-    effect = explanation.effect
-    return effect.of_time_alone or (effect.is_product and explanation.key[1] is not None)
-
-
-def pairs(judged: Comparison, explanations: Sequence[Explanation], which: Sequence[int]) -> tuple[list[Pair], int]:
-    """The likeliest pairs of kinds with the same column, or none, best first, and the number of all pairs."""
-    every: list[tuple[int, int]] = []
-    for i, j in combinations(sorted(which, key=lambda i: explanations[i].n_tuned), 2):
-        one, other = explanations[i].key, explanations[j].key
-        if one != other and one[1] == other[1]:
-            every.append((i, j))
-    if not every:
-        return [], 0
-    gains = judged.of_pairs(every).screen(judged.base.theta)
-    near = [every[k] for k in np.argsort(-gains)[:PAIRS].tolist()]
-    together = judged.of_pairs(near, rows=True)
-    found = []
-    for k, fit in enumerate(together.refit(range(len(near)))):
-        i, j = near[k]
-        found.append(Pair(first=i, second=j, gain=fit.level - judged.base.level))
-    return sorted(found, key=lambda pair: -pair.gain), len(every)

@@ -45,7 +45,6 @@ from .levels import (
     ROUNDING,
     SHORTEST_START,
     START_HELD,
-    START_TOLD,
     STARTS,
 )
 from .score import Comparison, orthonormal, visible
@@ -328,7 +327,7 @@ class Pool:
         self.reading = self.rows.weighed(self.data.reading)
         self.data = self.rows.data = replace(self.data, columns=[])
         columns = columns[len(base) :]
-        columns[: len(first)] = [orthonormal(part, START_TOLD) for part in columns[: len(first)]]
+        columns[: len(first)] = [orthonormal(part, START_HELD) for part in columns[: len(first)]]
         columns = [self.rows.weighed(part) for part in columns]
         known = [Explanation(*each, True) for each in zip([*first, *slow], columns, strict=True) if each[1].size]
         self.explanations = [*known, *self.unmade(candidates)]

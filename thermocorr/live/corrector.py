@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
+from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor
 from ..estimators.reading import check_block, check_reading_unit
 from ..records import RecordError, read_record
@@ -26,7 +27,6 @@ from .filled import (
     Answers,
     Corrected,
     LiveErrors,
-    MovingAverage,
     Tracker,
     checked_label,
     column_of,

@@ -21,6 +21,8 @@ from .axes import (
     GREEN,
     GREY,
     MARKED,
+    ORANGE,
+    SKY,
     VERMILION,
     TimeLine,
     axes_grid,
@@ -37,21 +39,17 @@ from .axes import (
 )
 from .words import DiagnosisLike, RefinementLike, aspect_text, each_row, ends_text, probability_text, wrapped
 
-STRIPS = 9
+PANELS = 8
 """Conditions that are drawn."""
-HIGHEST = 4.0
-"""Lift at which the colours end."""
-WIDEST_PLACES = 24
+WIDEST_PLACES = 26
 """Letters of a condition's name on one line."""
-LABELLED = 12
-"""In a strip of at most so many tiles, each tile says its share."""
 
 
 class WhereDisplay:
-    """Where a model fails: one strip per condition, its intervals from low to high, the worst condition on top.
+    """Where a model fails: a panel for each condition, the worst first, with a bar for each of its intervals.
 
-    Numbers are shares of the error beyond the noise [%]; colours compare them with the share of the samples: dark is
-    where the model fails more than elsewhere.
+    A bar is the interval's share of the error beyond the noise over its share of the samples: 1, dashed, where the
+    error is as large as elsewhere. The worst interval is orange, with its share of the error.
 
     Attributes
     ----------
@@ -74,84 +72,50 @@ class WhereDisplay:
         return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
 
     def plot(self, ax: Any = None) -> WhereDisplay:
-        """Draw in `ax`, or in a new figure."""
-        frame = self.frame()
-        strips = [strip for _, strip in frame.groupby(["aspect", "condition"], sort=False)][:STRIPS]
-        axes = axes_grid(ax, size=(9.0, 1.3 + 0.52 * max(len(strips), 1)))[0]
-        only = axes[0]
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        """Draw in a new figure; `ax` may be one Axes, whose place is divided."""
+        strips = [strip for _, strip in self.frame().groupby(["aspect", "condition"], sort=False)][:PANELS]
+        rows = max(-(-len(strips) // 2), 1)
+        axes = axes_grid(ax, rows, 2 if len(strips) > 1 else 1, size=(9.0, 0.6 + 1.45 * rows))
+        first = axes[0, 0]
+        self.axes_, self.ax_, self.figure_ = axes, first, first.figure
         if not strips:
-            only.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=only.transAxes)
-            only.set_axis_off()
+            first.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=first.transAxes)
+            first.set_axis_off()
             return self
-        only.set_ylim(len(strips) - 0.5, -0.5)
-        only.set_xlim(0, 1)
-        for row, strip in enumerate(strips):
-            self._strip(only, row, strip.sort_values("low"))
-        names = [wrapped(self._name(strip.iloc[0]), WIDEST_PLACES) for strip in strips]
-        only.set_yticks(range(len(strips)), names, fontsize=8 if any("\n" in name for name in names) else None)
-        only.tick_params(left=False, bottom=False, labelbottom=False)
-        only.spines[:].set_visible(False)
-        only.set_title(
-            "Where the model fails: share of the error beyond the noise [%], intervals low to high",
-            loc="left",
-            fontsize=10,
-        )
-        self._colour_bar(only)
+        highest = 1.25 * max(1.0, *(float(strip["lift"].max()) for strip in strips))
+        for only, strip in zip(axes.ravel(), strips, strict=False):
+            self._panel(only, strip.sort_values("low"), highest)
+        for only in axes.ravel()[len(strips) :]:
+            only.set_axis_off()
+        for only in axes[:, 0]:
+            only.set_ylabel("error share /\nsample share", fontsize=8)
         return self
 
-    def _strip(self, ax: Any, row: int, strip: pd.DataFrame) -> None:
-        from matplotlib import colormaps
-
-        width = 1.0 / len(strip)
+    def _panel(self, ax: Any, strip: pd.DataFrame, highest: float) -> None:
+        """Bars of a condition's intervals, each as wide as the others; their ends are named."""
+        lift = strip["lift"].to_numpy(float)
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
-        for i, tile in enumerate(each_row(strip)):
-            strength = float(np.clip(tile.lift / HIGHEST, 0.0, 1.0))
-            colour = colormaps["YlOrBr"](0.05 + 0.85 * strength)
-            ax.add_patch(_tile(i * width, row - 0.28, width, 0.42, colour))
-            if len(strip) <= LABELLED or i == worst:
-                ax.text(
-                    (i + 0.5) * width,
-                    row - 0.07,
-                    f"{100 * tile.share:.0f}",
-                    ha="center",
-                    va="center",
-                    fontsize=8,
-                    fontweight="bold" if i == worst else "normal",
-                    color="white" if strength > 0.6 else "0.15",
-                )
-        span = float(strip["high"].max() - strip["low"].min())
-        words = [ends_text(row, span) for row in each_row(strip)]
-        for side, x, text in (("left", 0.0, words[0][0]), ("right", 1.0, words[-1][1])):
-            ax.text(x, row + 0.17, text, ha=side, va="top", fontsize=7, color="0.35")
-        place = float(np.clip((worst + 0.5) * width, 0.3, 0.7))
-        low, high = words[worst]
-        text = f"worst: {low}" if low == high else f"worst: {low} to {high}"
-        ax.text(place, row + 0.17, text, ha="center", va="top", fontsize=7, color="0.15")
+        colours = [ORANGE if i == worst else SKY for i in range(len(strip))]
+        ax.bar(np.arange(len(strip)) + 0.5, lift, width=0.92, color=colours)
+        ax.axhline(1.0, color=BLACK, ls="--", lw=0.8)
+        ax.text(worst + 0.5, lift[worst], f"{strip['share'].iloc[worst]:.0%}", ha="center", va="bottom", fontsize=8)
+        ends = [ends_text(row, float(strip["high"].max() - strip["low"].min())) for row in each_row(strip)]
+        ax.set_xticks([0, len(strip)], [ends[0][0], ends[-1][1]], fontsize=8)
+        for label, side in zip(ax.get_xticklabels(), ("left", "right"), strict=True):
+            label.set_horizontalalignment(side)
+        low, high = ends[worst]
+        ax.set_title(low if low == high else f"{low} to {high}", loc="right", fontsize=8, color=VERMILION)
+        ax.set_xlim(0, len(strip))
+        ax.set_ylim(0, highest)
+        ax.tick_params(axis="y", labelsize=8)
+        ax.set_title(wrapped(self._name(strip.iloc[0]), WIDEST_PLACES, 2), loc="left", fontsize=9)
+        plain(ax)
 
     def _name(self, place: Any) -> str:
         """An aspect with its unit."""
         if place.aspect in ("column", "temperature"):
             return labelled(place.condition, self.units.get(place.condition, ""))
         return str(place.condition)
-
-    def _colour_bar(self, ax: Any) -> None:
-        from matplotlib import colormaps
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import ListedColormap, Normalize
-
-        colours = ListedColormap(colormaps["YlOrBr"](np.linspace(0.05, 0.9, 256)))
-        bar = ax.figure.colorbar(
-            ScalarMappable(Normalize(0, HIGHEST), colours), ax=ax, pad=0.02, aspect=25, extend="max"
-        )
-        bar.set_label("error share / sample share", fontsize=8)
-        bar.set_ticks([0, 1, 2, 3, 4])
-
-
-def _tile(x: float, y: float, width: float, height: float, colour: Any) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((x, y), width, height, facecolor=colour, edgecolor="white", lw=1.0)
 
 
 WIDE = 5.0
@@ -246,7 +210,7 @@ COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_valu
 
 
 class SuspectsDisplay:
-    """Suspects ranked: gain on data not learned from, how sure that is, and what each cannot be told apart from.
+    """Suspects ranked: fall of the error on later data, how sure that is, and what each cannot be told apart from.
 
     Attributes
     ----------
@@ -282,15 +246,16 @@ class SuspectsDisplay:
             only.set_axis_off()
             return self
         certain = frame["standing"].fillna("") != ""
-        gains = frame["gain_db"].clip(lower=0.0)
+        falls = frame["later_db"].fillna(frame["gain_db"])  # a jump at the end has no later data
+        gains = falls.clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
         reach = max(float(gains.max()), LEAST_REACH)
         for row, suspect in enumerate(each_row(frame)):
             text = f"p-value {probability_text(suspect.p_value)}"
             if suspect.standing == "helps":
                 text = "helps on later data, cause not proven"
-            text += f", explains {suspect.share:.0%}"
-            if suspect.gain_db <= 0:
+            text += f", takes away {suspect.share:.0%}"
+            if falls.iloc[row] <= 0:
                 text += ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
@@ -308,7 +273,7 @@ class SuspectsDisplay:
         plain(only)
         only.grid(False, axis="y")
         only.set_xlabel(
-            f"gain on blocks of time not learned from [dB]\nblue: named (proven at p <= {self.level:g}, or helpful)"
+            f"fall of the squared error on later data [dB]\nblue: named (proven at p <= {self.level:g}, or helpful)"
         )
         return self
 

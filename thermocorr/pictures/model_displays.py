@@ -20,6 +20,7 @@ from .axes import (
     COLOURS,
     GREY,
     ORANGE,
+    SEQUENTIAL,
     TimeLine,
     Walk,
     axes_grid,
@@ -31,6 +32,7 @@ from .axes import (
     log_time_axis,
     name_runs,
     plain,
+    pyplot,
     regressor_of,
     without_times,
 )
@@ -113,10 +115,11 @@ MOST_LINES = 8
 """Time constants that are drawn, evenly over all."""
 AMBIENT = "ambient"
 KINDS = ("temperature", "start", "difference")
+DRAWN = ("temperature", "difference")
 
 
 class InnerTemperaturesDisplay:
-    """Ambient and inner temperatures, what is left of their starts, and inner less ambient temperature, over time.
+    """Ambient and inner temperatures, and inner less ambient temperature, over time: the darker, the faster.
 
     Attributes
     ----------
@@ -167,20 +170,20 @@ class InnerTemperaturesDisplay:
         return self.cells.copy()
 
     def plot(self, ax: Any = None) -> InnerTemperaturesDisplay:
-        """Draw three panels; `ax` may be one Axes, whose place is divided, or three."""
-        axes = axes_grid(ax, 3, size=(9.0, 7.5), sharex=True)[:, 0]
-        colours = (COLOURS * 2)[: len(self.time_constants)]
-        draw_cells(axes[0], self.cells, self.timeline, AMBIENT, "0.55", label=AMBIENT)
-        for axes_, kind in zip(axes, KINDS, strict=True):
+        """Draw two panels; `ax` may be one Axes, whose place is divided, or two."""
+        axes = axes_grid(ax, 2, size=(9.0, 5.6), sharex=True)[:, 0]
+        colours = pyplot().get_cmap(SEQUENTIAL)(np.linspace(0.0, 0.9, len(self.time_constants)))
+        draw_cells(axes[0], self.cells, self.timeline, AMBIENT, "0.6", label=AMBIENT)
+        for axes_, kind in zip(axes, DRAWN, strict=True):
             for tau, colour in zip(self.time_constants, colours, strict=True):
-                label = span_text(tau) if kind == KINDS[0] else None
+                label = span_text(tau) if kind == DRAWN[0] else None
                 draw_cells(axes_, self.cells, self.timeline, f"{kind} {span_text(tau)}", colour, label=label)
             plain(axes_)
             axes_.margins(x=0.01)
             dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
             axes_.tick_params(labelbottom=axes_ is axes[-1])
         degree = difference_unit(self.unit)
-        said = ((self.name, self.unit), ("left of the start", degree), ("inner less ambient", degree))
+        said = ((self.name, self.unit), ("inner less ambient", degree))
         for axes_, (name, unit) in zip(axes, said, strict=True):
             label_values(axes_.yaxis, name, unit)
         legend_above(axes[0], ncols=5)

@@ -14,12 +14,11 @@ from ..records import Log, Record
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, span_text
 from .axes import (
-    BLACK,
     BLUE,
     GREEN,
     GREY,
     MARKED,
-    SEQUENTIAL,
+    ORANGE,
     SHADE,
     VERMILION,
     TimeLine,
@@ -33,7 +32,6 @@ from .axes import (
     legend_above,
     log_time_axis,
     name_runs,
-    places,
     plain,
     regressor_of,
     stretches,
@@ -167,6 +165,7 @@ KEPT = 0.98
 """Share of the temperature's standard deviation that averaging must keep."""
 FEWEST = 250
 """Merging ends before fewer averages than this are left: these can be followed by eye."""
+FAINT = "0.72"
 FOLLOWED = 1200
 """Most averages between which the path is drawn."""
 BINS = 15
@@ -177,7 +176,7 @@ NAMES = ("temperature", "residual")
 
 
 class ResidualLoopDisplay:
-    """Residual against temperature, coloured by time: a loop is a lag or a hysteresis that the model does not have.
+    """Residual against temperature: a loop is a lag or a hysteresis that the model does not have.
 
     Long records are averaged over stretches of time that are short beside the swings of the temperature, so that
     loops rise from the noise. Two curves give the mean for rising and for falling temperature: where they part, the
@@ -232,49 +231,22 @@ class ResidualLoopDisplay:
         """Draw in `ax`, or in a new figure."""
         axes = axes_grid(ax, size=(7.4, 4.8))[0]
         only = axes[0]
-        ends = self.timeline.on_axis(np.array((0.0, self.timeline.span)))
-        followed = len(self.cells) <= FOLLOWED
-        if followed:
-            self._path(only, ends)
-        dots = only.scatter(
-            self.cells["temperature"],
-            self.cells["residual"],
-            c=self.timeline.on_axis(places(self.cells, self.timeline)),
-            cmap=SEQUENTIAL,
-            vmin=ends[0],
-            vmax=ends[1],
-            s=18 if len(self.cells) <= MARKED else 8 if followed else 2,
-            lw=0,
-            zorder=3,
-        )
-        for name, colour, style in (("heating", VERMILION, "-"), ("cooling", BLACK, "--")):
-            if len(self.curves):
-                label = f"mean while {name}"
-                only.plot(self.curves["temperature"], self.curves[name], style, color=colour, lw=2.2, label=label,
-                          zorder=4)  # fmt: skip
-        only.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        spaced = with_breaks(self.cells, self.timeline)[1]
+        followed = {"lw": 0.6, "marker": "."} if len(self.cells) <= FOLLOWED else {"lw": 0, "marker": "."}
+        only.plot(spaced["temperature"], spaced["residual"], color=FAINT, ms=3, label="in order of time", **followed)
+        only.axhline(0.0, color="0.4", lw=0.8)
+        if len(self.curves):
+            T, heating, cooling = (self.curves[name] for name in ("temperature", "heating", "cooling"))
+            only.fill_between(T, heating, cooling, color=ORANGE, alpha=0.25, lw=0)
+            for name, values, colour, mark in (("heating", heating, VERMILION, "o"), ("cooling", cooling, BLUE, "s")):
+                only.plot(T, values, f"{mark}-", color=colour, lw=2.0, ms=4.5, label=f"mean while {name}")
         plain(only)
         label_values(only.xaxis, self.temperature, self.temperature_unit)
         averaged = "residual, averages" if (self.cells["n"] > 1).any() else "residual"
         label_values(only.yaxis, averaged, self.unit)
         legend_above(only)
-        bar = only.figure.colorbar(dots, ax=only, pad=0.02, aspect=30)
-        self.timeline.dress(bar.ax.yaxis)
-        bar.set_label(self.timeline.label())
         self.axes_, self.ax_, self.figure_ = axes, only, only.figure
         return self
-
-    def _path(self, ax: Any, ends: np.ndarray) -> None:
-        """Lines from each average to the next of its segment."""
-        from matplotlib.collections import LineCollection
-
-        x, spaced = with_breaks(self.cells, self.timeline)
-        points = spaced[list(NAMES)].to_numpy()
-        lines = np.stack((points[:-1], points[1:]), axis=1)
-        whole = np.isfinite(lines).all(axis=(1, 2))
-        path = LineCollection(list(lines[whole]), array=x[:-1][whole], cmap=SEQUENTIAL, lw=0.9, alpha=0.6)
-        path.set_clim(*ends)
-        ax.add_collection(path)
 
 
 def _merged(fine: pd.DataFrame, timeline: TimeLine) -> pd.DataFrame:

@@ -265,7 +265,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         )
     if left.structured:
         said.append(
-            f"What is left wanders by {scale.text(left.wandering)} and remembers for about "
+            f"What is left wanders by {scale.text(left.wandering)}, with a correlation time of about "
             f"{span_text(left.correlation_time)}."
         )
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
@@ -279,8 +279,8 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         )
     elif left.filtered and not left.absurd:
         said.append(
-            f"What is left remembers for about {span_text(left.filtered)}, a few samples, and looks like white noise "
-            "beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
+            f"What is left has a correlation time of {span_text(left.filtered)}, a few samples, and looks like white "
+            "noise beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
         )
     elif not left.absurd:
         beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
