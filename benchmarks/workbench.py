@@ -101,7 +101,7 @@ def pictured(path: Path) -> None:
         person.settled()
         ActionChains(driver).move_to_element(driver.find_element("css selector", "[data-at='add 0 ']")).perform()
         person.sees("document.querySelector('.preview').textContent.includes('instead of')")
-        person.sees("thermocorr.charts.series.spec.panels[1].lines.length === 4")
+        person.sees("thermocorr.charts.series.spec.panels[2].lines.length === 3")
         time.sleep(0.5)
         driver.save_screenshot(str(path))
 
