@@ -91,7 +91,7 @@ def test_variants_of_small_records_are_drawn(kind):
     display = VariantsDisplay.from_comparison(compare_variants(X, y, model=model, n_blocks=2)).plot()
     display.figure_.canvas.draw()
     assert display.axes_.shape == (5, 2)
-    assert display.axes_[-1, 1].get_xlabel() == "temperature [degC]"
+    assert display.axes_[-1, 1].get_xlabel() == "temperature [°C]"
     assert display.axes_[0, 0].get_ylabel() == "reading [ppm]"
 
 
@@ -121,7 +121,7 @@ def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
 
 @pytest.mark.parametrize(
     ("unit", "size", "label"),
-    [("mV", 2e-4, "x [uV]"), ("mV", 2.0, "x [mV]"), ("ohm", 3e5, "x [kohm]"), ("ppm", 2e-4, "x [$10^{-4}$ ppm]")],
+    [("mV", 2e-4, "x [µV]"), ("mV", 2.0, "x [mV]"), ("ohm", 3e5, "x [kΩ]"), ("ppm", 2e-4, "x [$10^{-4}$ ppm]")],
 )
 def test_an_axis_has_the_unit_that_suits_it_and_its_ticks_say_the_numbers(unit, size, label):
     figure, (even, log) = pyplot().subplots(2)

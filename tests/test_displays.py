@@ -219,7 +219,7 @@ def test_where_and_suspects_show_the_diagnosis(fitted, found):
     first = pd.Timestamp(times["low"].min(), unit="s")
     assert pd.Timedelta(0) <= first - X.index[0] < pd.Timedelta("5min")  # the middle of a short average
     titles = [axes.get_title(loc="left") for axes in where.plot().axes_.ravel()]
-    assert "temperature [degC]" in titles and "humidity [%]" in titles
+    assert "temperature [°C]" in titles and "humidity [%]" in titles
     suspects = SuspectsDisplay.from_diagnosis(found)
     assert suspects.frame()["label"].iloc[0] == "hysteresis"
     assert suspects.frame()["gain_db"].tolist() == found.ranking["gain_db"].tolist()

@@ -93,5 +93,5 @@ def test_the_picture_shows_them(device, drawing):
     cells = frame["temperature 2 h"].to_numpy()
     assert (frame["temperature 2 h_low"] <= cells).all() and (cells <= frame["temperature 2 h_high"]).all()
     assert frame["temperature 2 h_high"].max() == pytest.approx(inner[:, 1].max(), abs=1e-3)
-    assert [axes.get_ylabel() for axes in display.axes_] == ["temperature [degC]", "inner less ambient [K]"]
+    assert [axes.get_ylabel() for axes in display.axes_] == ["temperature [°C]", "inner less ambient [K]"]
     assert [text.get_text() for text in display.ax_.get_legend().get_texts()] == ["ambient", "10 min", "2 h"]

@@ -12,7 +12,7 @@ from ..estimators.tables import VERDICTS
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
 from ..pages.chapters import HELPS, Scales, parameters_text
-from ..pages.html import unit_text, units_of_axis, with_signs
+from ..pages.html import units_of_axis, with_signs
 from ..pictures.axes import stretches
 from ..pictures.words import (
     aspect_text,
@@ -26,7 +26,7 @@ from ..pictures.words import (
     when_text,
 )
 from ..records.errors import printable
-from ..records.numbers import Scale, number_text, scale_of, span_text
+from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
 from .acts import MARKS, Add, Columns, Mark, Roles, guessed_parts

@@ -514,7 +514,7 @@ class Diagnosis(DiagnosisPage):
         lines += [sentence for sentence in [small_sentence(self)] if sentence]
         lines += left_sentences(self.left, scale_of((self.residual_rms, self.noise_floor), self.unit), self.verdict)
         if self.best is not None and self.best.info is not None:
-            lines.append(f"To confirm the first on the bench: {self.best.info.bench_check}")
+            lines.append(f"How to confirm the first: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
         return "\n".join(textwrap.fill(printable(line), WIDTH, subsequent_indent="    ") for line in lines)
 

@@ -23,25 +23,13 @@ from ..pictures.words import (
     small_sentence,
 )
 from ..records.errors import quoted
-from ..records.numbers import Scale, scale_of, span_text
+from ..records.numbers import Scale, scale_of, span_text, unit_text
 from ..records.units import difference_unit
 from .answer import Answer
 from .charts import still
 from .data import PageData
 from .figures import placed
-from .html import (
-    Section,
-    decibels,
-    failing_text,
-    number,
-    percent,
-    plain,
-    probability,
-    rendered,
-    section,
-    unit_text,
-    with_signs,
-)
+from .html import Section, decibels, failing_text, number, percent, plain, probability, rendered, section, with_signs
 
 SHOWN = 3
 """Places and suspects listed."""

@@ -13,9 +13,9 @@ from markupsafe import Markup
 from ..equations.statistics import Moments
 from ..pictures.axes import FINE_TIMES, TIMES, TimeLine
 from ..records.labels import is_state, state
-from ..records.numbers import SPANS, is_frame, numeric_reading
+from ..records.numbers import SPANS, is_frame, numeric_reading, unit_text
 from ..records.units import without_unit
-from .html import rendered, unit_text, units_of_axis
+from .html import rendered, units_of_axis
 
 MOST_POINTS = 85_000
 """Points of one line. A record of so many rows is shown whole; of a longer one, the extremes of groups of rows."""

@@ -12,11 +12,10 @@ from ..estimators.time_constants.search import CONFIDENCE_95
 from ..pictures import SpectrumDisplay
 from ..pictures.axes import TimeLine
 from ..pictures.words import DiagnosisLike
-from ..records.numbers import SPANS, span_text, span_unit
+from ..records.numbers import SPANS, span_text, span_unit, unit_text
 from ..records.units import difference_unit
 from .charts import Chart, ChartLine, Panel
 from .data import PageData
-from .html import unit_text
 
 NOISY = 0.3
 """Noise floor over residual, above which the noise hides what is to be seen and averages are drawn too."""

@@ -17,15 +17,12 @@ from markupsafe import Markup
 
 from ..pictures.words import MINUS, aspect_text, better_text, effect_text, interval_text, place_text
 from ..records.errors import printable
-from ..records.numbers import Scale, prefix_and_unit, prefixed, scale_of, span_text
+from ..records.numbers import SUPERSCRIPTS, Scale, prefixed, scale_of, span_text, unit_text
 from ..records.units import without_unit
 
-_UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
-"""Units and prefixes that print has signs for."""
 _QUANTITY = re.compile(r"(?:(?<=\d )|(?<=\[))[A-Za-z]+(?:/[A-Za-z]+(?:\^\d)?)?")
 """A unit behind a number, or in brackets."""
 DASH, TIMES = "\u2013", "\u00d7"
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Section(NamedTuple):
@@ -84,7 +81,7 @@ def plain(value: float, digits: int = 4) -> str:
         return DASH if np.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value != 0 and not 1e-3 <= abs(value) < 10 ** max(digits + 2, 6):
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPTS)}".replace("-", MINUS, 1)
+        return f"{mantissa} {TIMES} 10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", MINUS, 1)
     shown = f"{value:#.{digits}g}".removesuffix(".") if abs(value) < 10**digits else f"{value:.0f}"
     return shown.replace("-", MINUS) if value else "0"
 
@@ -108,12 +105,6 @@ def quantity(value: float, unit: str = "", digits: int = 4, scale: Scale | None 
     scale = scale_of([value], unit) if scale is None else scale
     shown = plain(float(value) * scale.factor, digits)
     return f"{shown}\u00a0{unit_text(scale.unit)}" if scale.unit else shown
-
-
-def unit_text(unit: str) -> str:
-    """A unit with the signs of print: °C, Ω, µV; K^2 as K²."""
-    words = [prefix_and_unit(word) for word in re.split(r"([ /()*]|\^-?\d+)", unit)]
-    return "".join(_UNITS.get(prefix, prefix) + _UNITS.get(bare, _raised(bare)) for prefix, bare in words)
 
 
 def with_signs(text: str) -> str:
@@ -145,10 +136,6 @@ def with_unit(name: str, unit: str) -> str:
 def units_of_axis(unit: str) -> list[list[Any]]:
     """Units that an axis may be written in, as the script takes them: power of ten, unit in print, least number."""
     return [[step.power, unit_text(step.unit), step.least] for step in prefixed(unit)]
-
-
-def _raised(word: str) -> str:
-    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), word)
 
 
 def percent(value: float) -> Markup:

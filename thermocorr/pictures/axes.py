@@ -18,7 +18,7 @@ from ..estimators.time_constant_search import TimeConstantSearch
 from ..estimators.uncertainty.joint import ErrorWalk
 from ..records import Block, Record
 from ..records.errors import printable
-from ..records.numbers import SPANS, is_frame, scale_of, span_text, span_unit
+from ..records.numbers import SPANS, is_frame, scale_of, span_text, span_unit, unit_text
 from ..records.units import without_unit
 from .words import DiagnosisLike
 
@@ -341,15 +341,16 @@ def axes_grid(
 def labelled(name: str, unit: str, power: int = 0, shown: str = "") -> str:
     """``voltage [mV]``; without a unit the name alone. A unit at the end of the name is not said twice.
 
-    With a power of ten, ``voltage [10^-3 mV]``; with a unit to be `shown` in its place, ``voltage [uV]``.
+    With a power of ten, ``voltage [10^-3 mV]``; with a unit to be `shown` in its place, ``voltage [µV]``.
     """
     name = without_unit(name, unit)
-    unit = shown or (f"$10^{{{power}}}$ {unit}".strip() if power else unit)
+    said = unit_text(shown or unit)
+    unit = f"$10^{{{power}}}$ {said}".strip() if power and not shown else said
     return printable(f"{name} [{unit}]" if unit else name)
 
 
 def label_values(axis: Any, name: str, unit: str) -> None:
-    """Label an axis of values with the unit that suits their size: ``residual [uV]`` for thousandths of a mV.
+    """Label an axis of values with the unit that suits their size: ``residual [µV]`` for thousandths of a mV.
 
     Where the unit takes no prefix, a power of ten stands beside it: ``residual [10^-5 ppm]``. Call it after drawing.
     """

@@ -6,6 +6,7 @@ For sentences, tables on a terminal, pages and pictures. Names of columns, frame
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from functools import cache, partial
 from os import PathLike
@@ -275,6 +276,11 @@ _MORE = 4
 """Digits at most that are added to tell numbers apart."""
 
 
+_UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
+"""Units and prefixes that print has signs for."""
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
 class Scale(NamedTuple):
     """One unit for numbers that are compared."""
 
@@ -376,6 +382,16 @@ def prefix_and_unit(unit: str) -> tuple[str, str]:
     if unit not in _LARGEST and unit not in _NO_PREFIX and unit[:1] in _POWERS and unit[1:] in _LARGEST:
         return unit[:1], unit[1:]
     return "", unit
+
+
+def unit_text(unit: str) -> str:
+    """A unit with the signs of print: °C, Ω, µV; K^2 as K²."""
+    words = [prefix_and_unit(word) for word in re.split(r"([ /()*]|\^-?\d+)", unit)]
+    return "".join(_UNITS.get(prefix, prefix) + _UNITS.get(bare, _raised(bare)) for prefix, bare in words)
+
+
+def _raised(word: str) -> str:
+    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(SUPERSCRIPTS), word)
 
 
 def span_text(seconds: float, digits: int = 3) -> str:
