@@ -49,7 +49,7 @@ class Advice:
     refined model has effects with a date, the stretches lie behind the last one."""
     copies_db: float
     """Error of laws of the temperature over that of the best copy moved in time [dB]; negative is good. NaN where no
-    copy differs enough from it, or it was not asked."""
+    copy differs enough from it, 0 where it was not asked."""
     unit: str
 
     @property
@@ -129,10 +129,10 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
     record = _record(last, X, numeric_reading(y, X))
     table = _errors(variants, record)
     if table.empty:
-        return Advice(choice="", variant="", table=table, copies_db=np.nan, unit=last.reading_.unit)
+        return Advice(choice="", variant="", table=table, copies_db=0.0, unit=last.reading_.unit)
     whole = table["all"]
     best = whole[list(variants)].min()
-    chosen, copies = "", np.nan
+    chosen, copies = "", 0.0
     if reduction_db(best, whole[list(NEEDLESS)].min()) <= -GAIN:
         copies = _against_copies(record, max(model.degree for model in variants.values()), _levels(last))
         if not copies < GAIN:

@@ -289,8 +289,9 @@ class Answer:
         if found is None:
             return self.unjudged
         of = "Verdict on the refined model" if self.refined else "Verdict"
-        likely = found.causes[0].confusable_with if found.causes else ()
-        tied = f" ({', '.join(effect_text(effect) for effect in likely[:3])})" if likely else ""
+        likely = [effect for cause in found.causes[:1] for effect in (cause.effect, *cause.confusable_with)]
+        rivals = list(dict.fromkeys(map(effect_text, likely)))
+        tied = f" ({' or '.join(rivals[:3])})" if len(rivals) > 1 else ""
         return f"{of}: {found.verdict}{tied}. {self.left[0]}"
 
     def _after(self) -> str:
