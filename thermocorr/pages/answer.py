@@ -74,7 +74,7 @@ class Answer:
     """What is told of a record, in a terminal, as JSON and on a page. Prints in at most 16 lines of 100 characters."""
 
     diagnosis: DiagnosisLike | None = None
-    """Diagnosis of the model that a refinement began with; by default the refinement's first."""
+    """Diagnosis of the model; a refinement has its own."""
     refinement: RefinementLike | None = None
     comparison: VariantComparison | None = None
     advice: Advice | None = None
@@ -111,16 +111,11 @@ class Answer:
         return self.advice if self.advice is not None or self.comparison is None else self.comparison.advice
 
     @property
-    def first(self) -> DiagnosisLike | None:
-        """Diagnosis of the first model."""
-        if self.diagnosis is None and self.refinement is not None:
-            return self.refinement.diagnoses[0]
-        return self.diagnosis
-
-    @property
     def last(self) -> DiagnosisLike | None:
         """Diagnosis of the model that is kept."""
-        return self.diagnosis if self.refinement is None else self.refinement.diagnoses[-1]
+        if self.refinement is None:
+            return self.diagnosis
+        return self.refinement.diagnoses[-1 if self.refined else 0]
 
     @property
     def refined(self) -> bool:
@@ -149,9 +144,12 @@ class Answer:
         """What was missing and is added, in this order; then what is missing, what is worth most first."""
         if self.refinement is None:
             return () if self.diagnosis is None else tuple(Missing(s, "missing") for s in self.diagnosis.causes)
-        added = [Missing(suspect, "added") for some in self.refinement.added for suspect in some]
+        tried = [suspect for some in self.refinement.added for suspect in some]
+        if not self.refined:
+            return tuple(Missing(s, "not confirmed") for s in tried or self.refinement.diagnoses[0].causes)
         state = "missing" if self.refinement.untried else "not confirmed"
-        return (*added, *(Missing(suspect, state) for suspect in self.refinement.diagnoses[-1].causes))
+        rest = (Missing(suspect, state) for suspect in self.refinement.diagnoses[-1].causes)
+        return (*(Missing(suspect, "added") for suspect in tried), *rest)
 
     @property
     def left(self) -> list[str]:

@@ -55,7 +55,7 @@ def page(data: PageData, answer: Answer) -> str:
     if refinement is not None:
         before = refinement.diagnoses[0].data
         drawn: list[Chart] = []
-        if len(refinement.diagnoses) > 1 and before is not None:
+        if answer.refined and before is not None:
             drawn.append(figures.refined(before, data, refinement.diagnoses[-1].noise_floor))
         charts += drawn
         body.append(chapters.steps(refinement, titled("How the model came about"), places(drawn)))

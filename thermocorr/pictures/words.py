@@ -365,10 +365,10 @@ def share_of_samples(row: Any) -> float:
 
 
 def further_text(refinement: RefinementLike) -> str:
-    """The effects of the model that a refinement keeps; empty where it is the given one, or has none."""
+    """The effects of the model that a refinement ends with; empty where nothing was added."""
     if len(refinement.steps) < 2:
         return ""
-    return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects))
+    return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects)) or "further lags"
 
 
 def worst_sentence(row: Any) -> str:
