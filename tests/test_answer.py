@@ -7,7 +7,6 @@ import re
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
