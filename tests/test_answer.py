@@ -65,8 +65,8 @@ def test_what_the_user_asks_for_is_used_and_said(asked):
     X, y, comparison, _ = asked
     answer = Answer.of(X, y, comparison=comparison, asked="static linear")
     assert answer.choice == "static" and answer.model == "static linear"
-    assert str(answer).startswith("Use the static linear correction (you asked for it): it leaves")
-    assert "static linear *" in str(answer)
+    assert str(answer).startswith("You asked for the static linear correction: it leaves")
+    assert "static linear *" in str(answer) and "* is asked for" in str(answer) and "advised" not in str(answer)
 
 
 def fits(text):
@@ -76,7 +76,7 @@ def fits(text):
 
 def test_there_is_room_for_what_matters_however_much_there_is_to_say(asked):
     X, y, comparison, refinement = asked
-    note = "A note on the data, with so many words that it takes more than one line of the terminal, as some do."
+    note = "A note on the data, with words enough that it takes more than one line of the terminal, as some do."
     many = tuple(f"{note} {k}" for k in range(20))
     files = tuple(f"/a/folder/with/a/long/name/file_{k}.csv" for k in range(6))
     answer = Answer.of(X, y, comparison=comparison, refinement=refinement, notes=many, files=files)

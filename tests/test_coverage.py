@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+
 import numpy as np
 import pandas as pd
 import pytest
+from firmware_runs import WARNINGS
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.estimators.coverage import Coverage
+from thermocorr.firmware import export_c
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 
@@ -94,3 +99,16 @@ def test_live_and_loaded_models_flag_the_same_rows(tmp_path):
     flags = [live.update(time, T, 0.0).flag for time, T in zip(X.index, X["temperature"], strict=True)]
     assert list(model.flags(X)) == flags
     assert flags.count("outside fitted range") > 5000
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+def test_the_exported_c_flags_what_lies_between_two_plateaus(tmp_path):
+    """Its self-test walks through the whole range and compares every flag; the export once stopped at a gap."""
+    model = DynamicBiasRegressor("temperature", time_constants=["20 min"]).fit(*plateaus([13, 47.5]))
+    export = export_c(model, tmp_path)
+    sources = [str(path) for path in export.paths if path.suffix == ".c"]
+    subprocess.run(["gcc", *WARNINGS, *sources, "-lm", "-o", str(tmp_path / "test")], check=True)
+    done = subprocess.run([str(tmp_path / "test")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "passed, 0 of" in done.stdout, done.stdout
+    code = next(path for path in export.paths if path.name == "thermal_bias.c").read_text()
+    assert code.count("OUTSIDE_RANGE;") == 2

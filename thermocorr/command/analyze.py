@@ -191,7 +191,8 @@ def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> Dy
 
 def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor) -> str:
     """What the answer leaves out."""
-    said = ["", *(f"Data: {note}" for note in answer.notes), str(answer.comparison), str(answer.advised)]
+    said = ["", *(f"Data: {note}" for note in answer.notes), str(answer.comparison)]
+    said.append(str(answer.comparison.advice if answer.asked and answer.comparison else answer.advised))
     for name, taus in best.thermometers_.items():
         of_which = f", {name}" if len(best.thermometers_) > 1 else ""
         said.append(f"Time constants{of_which}: {', '.join(map(span_text, taus)) or 'none'}")

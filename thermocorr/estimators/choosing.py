@@ -34,7 +34,7 @@ MOST_ROWS = 20_000
 """Rows that are enough to decide on: longer records are averaged over short stretches. What products add is slow."""
 BLOCKS = 10
 """Blocks of time that follow on a first one: those of the later half are predicted, from everything before them. From
-less, so many products predict nonsense."""
+less, that number of products predicts nonsense."""
 CLEARLY = 0.95
 """Errors with products over those without, of the later blocks on the average and of the fit, up to which they are
 taken: what is predicted better by chance is not fitted better."""

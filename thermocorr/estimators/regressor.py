@@ -283,8 +283,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
         leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
-        for complete; `uncertainty` has more to say. With `average` the mean of the last so many corrected readings, or
-        those so far, eqs. (9) (26), as `OnlineCorrector` has it; its uncertainty is that of `Uncertainty.mean`.
+        for complete; `uncertainty` has more to say. With `average` the mean of the last `average` corrected
+        readings, or those so far, eqs. (9) (26), as `OnlineCorrector` has it; `Uncertainty.mean` has its uncertainty.
         """
         if average is not None and return_std:
             raise ValueError("correct() takes average or return_std. uncertainty(X, y).mean(rows) has that of a mean.")

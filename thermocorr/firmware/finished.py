@@ -136,8 +136,10 @@ class Firmware:
         gaps: tuple[tuple[float, float], ...] = (),
     ):
         self.program, self.clock, self.target, self.guard = program, clock, program.target, guard
-        self.limits, self.gaps = limits, gaps
+        self.limits = limits
         """Lowest and highest fitted temperature."""
+        self.gaps = gaps
+        """Stretches between these in which the static law is not known."""
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
 
     def members(self) -> list[Member]:

@@ -70,11 +70,12 @@ def updating(firmware: Firmware) -> list[list[Statement]]:
     stages = [statement for stage in p.stages for statement in _stage(stage)]
     low, high = map(Number, firmware.limits)
     outside = binary(binary(_TEMPERATURE, "<", low), "or", binary(_TEMPERATURE, ">", high))
+    raised = Raise("OUTSIDE_RANGE")
+    beyond = [If(outside, [raised])]
     for low, high in (map(Number, gap) for gap in firmware.gaps):
-        between = binary(binary(_TEMPERATURE, ">", low), "and", binary(_TEMPERATURE, "<", high))
-        outside = binary(outside, "or", between)
-    beyond, answer = If(outside, [Raise("OUTSIDE_RANGE")]), Answer(_BIAS, _READING - _BIAS)
-    last = [beyond, *p.store, *_remember(firmware), *_tick(firmware), answer]
+        beyond.append(If(binary(_TEMPERATURE, ">", low), [If(binary(_TEMPERATURE, "<", high), [raised])]))
+    answer = Answer(_BIAS, _READING - _BIAS)
+    last = [*beyond, *p.store, *_remember(firmware), *_tick(firmware), answer]
     return [_inputs(firmware), first, stages, list(p.output), last]
 
 

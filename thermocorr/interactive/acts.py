@@ -65,19 +65,12 @@ class Roles:
                 raise RecordError(f"There is no column {quoted(name)}. The log has: {listing(columns)}.")
 
 
-def guessed(
-    frame: pd.DataFrame,
-    *,
-    temperature: str | None = None,
-    reading: str | None = None,
-    time: str | None = None,
-    run: str | None = None,
-) -> Roles | None:
+def guessed(frame: pd.DataFrame, **known: str | None) -> Roles | None:
     """Roles from names and units, those that are given as they are; None where a person must choose.
 
-    `frame` (DataFrame). `temperature`, `reading`, `time`, `run` (str, optional): Columns whose role the user knows.
+    `frame` (DataFrame). `known` (temperature, reading, time, run: str): Columns whose role the user knows.
     """
-    found = guessed_parts(frame, temperature=temperature, reading=reading, time=time, run=run)
+    found = guessed_parts(frame, **known)
     temperature, reading = found["temperature"], found["reading"]
     if temperature is None or reading is None:
         return None

@@ -153,7 +153,7 @@ class Answer:
 
     @property
     def left(self) -> list[str]:
-        """What is left beside the causes, and what the record could have shown."""
+        """What the causes leave, and what the record could have shown."""
         found = self.last
         return [self.unjudged] if found is None else left_sentences(found.left, self.scale(), found.verdict)
 
@@ -171,17 +171,16 @@ class Answer:
     def to_dict(self) -> dict[str, Any]:
         """What JSON has: errors in the unit of the reading, on stretches predicted from everything before them."""
         advice, found = self.advised, self.last
-        known = advice is not None and not advice.table.empty
+        error: dict[str, Any] = {"before": None, "after": None, "after_range": None}
+        errors: dict[Any, float] = {}
+        if advice is not None and not advice.table.empty:
+            error = {"before": advice.before, "after": advice.after, "after_range": list(advice.range)}
+            errors = advice.table["all"].to_dict()
         return {
             "choice": self.choice or None,
             "model": self.model,
-            "error": {
-                "before": _or_null(advice.before) if known and advice is not None else None,
-                "after": _or_null(advice.after) if known and advice is not None else None,
-                "after_range": list(map(_or_null, advice.range)) if known and advice is not None else None,
-                "unit": "" if advice is None else advice.unit,
-            },
-            "errors": advice.table["all"].to_dict() if known and advice is not None else {},
+            "error": {**error, "unit": "" if advice is None else advice.unit},
+            "errors": errors,
             "verdict": None if found is None else found.verdict,
             "causes": [cause.to_dict() for cause in self.causes],
             "small": 0 if found is None else len(found.small),
@@ -197,8 +196,8 @@ class Answer:
             return f"The refined model has {self.model.removeprefix('with ')}." if self.refined else ""
         if not advice.variant or advice.table.empty:
             return advice.sentence(scale)
-        said = f"Use the {f'refined correction, {self.model}' if self.refined else f'{self.model} correction'}"
-        said += " (you asked for it)" if self.asked else ""
+        said = "You asked for the" if self.asked and not self.refined else "Use the"
+        said += f" refined correction, {self.model}" if self.refined else f" {self.model} correction"
         said += f": it leaves {scale.text(advice.after)} rms on later data"
         low, high = advice.range
         said += f" ({scale.number(low)} to {scale.number(high)}), " if high > low else ", "
@@ -260,7 +259,8 @@ class Answer:
         head = f"rms on later data{f' [{scale.unit}]' if scale.unit else ''}"
         chosen = advice.variant or "no correction"
         names = [f"{name} *" if name == chosen else name for name in shown]
-        return _columns([[head, *names], ["* is advised", *(scale.number(v) for v in shown.values())]])
+        mark = "* is asked for" if self.asked and not self.refined else "* is advised"
+        return _columns([[head, *names], [mark, *(scale.number(v) for v in shown.values())]])
 
     def _causes(self) -> list[str]:
         causes, scale = self.causes, self.scale()
