@@ -84,14 +84,17 @@ BAD = {
     "a folder": (lambda log: (log.parent,), "is a folder"),
     "empty file": (lambda log: (written(log, ""),), "is empty"),
     "header only": (lambda log: (written(log, "time,temperature,reading\n"),), "no rows"),
-    "semicolons": (lambda log: (written(log, "time;temperature;reading\n1;2;3\n"),), "semicolons"),
+    "semicolons": (lambda log: (written(log, "time;temperature;reading\n1;2;3\n"),), "too short"),
     "ragged lines": (lambda log: (written(log, "a,b\n1,2\n1,2,3\n"),), "cannot be read as a table"),
     "not parquet": (lambda log: (log.rename(log.with_suffix(".parquet")),), "cannot be read as a table"),
     "unknown temperature": (lambda log: (log, "--temperature", "oven"), "no column 'oven'"),
     "unknown reading": (lambda log: (log, "--reading", "ohms"), "no column 'ohms'"),
     "unknown time": (lambda log: (log, "--time", "when"), "no column 'when'"),
     "unknown run": (lambda log: (log, "--run", "run"), "no column 'run'"),
-    "reading is temperature": (lambda log: (log, "--reading", "temperature"), "both name"),
+    "reading is temperature": (
+        lambda log: (log, "--reading", "temperature", "--temperature", "temperature"),
+        "both name",
+    ),
     "time and period": (lambda log: (log, "--time", "time", "--sampling-period", "1s"), "not both"),
     "text in reading": (
         lambda log: (changed(log, reading="n/v"),),
@@ -101,7 +104,7 @@ BAD = {
     "constant temperature": (lambda log: (changed(log, temperature=20.0),), "never changes"),
     "a time twice": (
         lambda log: (changed(log, time=pd.read_csv(log)["time"].mask(lambda t: t.index == 1).bfill()),),
-        "Drop one of them from the log",
+        "--drop-duplicates keeps the first",
     ),
     "same time in all rows": (lambda log: (changed(log, time="2024-01-01T00:00:00"),), "same time"),
     "unreadable time": (

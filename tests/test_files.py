@@ -119,7 +119,7 @@ def test_no_file_is_written_twice_by_one_command(tmp_path):
 def test_foreign_files_are_overwritten_by_force_only(tmp_path):
     mine = tmp_path / "mine.c"
     mine.write_text("int main(void) { return 0; }\n")
-    with pytest.raises(OutputError, match=r"was not written by thermocorr.*--force"):
+    with pytest.raises(OutputError, match=r"was not written by thermocorr.*force=True"):
         write_file(mine, "new")
     assert mine.read_text().startswith("int main")
     write_file(mine, "new", force=True)

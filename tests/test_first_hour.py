@@ -52,12 +52,12 @@ def analyze(path, *more):
 
 def test_a_column_that_is_named_as_something_else_is_not_the_time(record, tmp_path, capsys):
     log = record.reset_index()[["time", "temperature", "reading"]]
-    path = as_csv(tmp_path, log.set_axis(["stamp", "T", "t"], axis=1))
-    assert analyze(path, "--temperature", "T", "--reading", "t") == 2
-    assert "Which column is the time? Say it with --time" in capsys.readouterr().err
-    out = tmp_path / "out"
+    path, out = as_csv(tmp_path, log.set_axis(["stamp", "T", "t"], axis=1)), tmp_path / "out"
+    assert analyze(path, "--temperature", "T", "--reading", "t", "--out", str(out)) == 0
+    assert load_model(out / "model.json").time == "stamp"
     named = ("--temperature", "T", "--reading", "reading")
-    assert analyze(as_csv(tmp_path, log.set_axis(["Time", "T", "reading"], axis=1)), *named, "--out", str(out)) == 0
+    path = as_csv(tmp_path, log.set_axis(["Time", "T", "reading"], axis=1))
+    assert analyze(path, *named, "--out", str(out), "--force") == 0
     assert load_model(out / "model.json").time == "Time"
 
 
@@ -132,28 +132,16 @@ def test_the_command_refuses_a_gap_shorter_than_the_step(record, tmp_path, capsy
 @pytest.mark.parametrize(
     ("names", "options", "said"),
     [
-        (
-            ("stamp", "T_C", "u"),
-            (),
-            "columns are the reading, the temperature and the time? Say it with --reading, --temp",
-        ),
-        (
-            ("time", "T_C", "u"),
-            (),
-            "columns are the reading and the temperature? Say it with --reading, --temperature;",
-        ),
-        (("stamp", "T_C", "u"), ("--reading", "u"), "columns are the temperature and the time? Say it with --temperat"),
-        (("time", "T_C", "u"), ("--sampling-period", "60"), "columns are the reading and the temperature? Say it"),
-        (
-            ("T_C", "t", "u"),
-            ("--temperature", "t"),
-            "columns are the reading and the time? Say it with --reading, --time",
-        ),
-        (("time", "T_C", "u"), ("--reading", "u"), "Which column is the temperature? Say it with --temperature; there"),
+        (("no", "a", "b"), (), "columns are the time, the temperature and the reading? Say it with --time, --temp"),
+        (("time", "a", "b"), (), "columns are the temperature and the reading? Say it with --temperature, --reading; "),
+        (("time", "a", "b"), (), "as likely are 'a', 'b'."),
+        (("no", "T_C", "u"), (), "Which column is the time? Say it with --time; there are 'no', 'T_C', 'u'."),
+        (("time", "room_degC", "case_degC"), (), "Which column is the reading? Say it with --reading"),
     ],
 )
 def test_all_columns_that_are_to_be_named_are_asked_for_at_once(names, options, said, record, tmp_path, capsys):
     log = record.reset_index()[["time", "temperature", "reading"]].set_axis(names, axis=1)
+    log = log.assign(no="") if names[0] == "no" else log
     assert analyze(as_csv(tmp_path, log), *options) == 2
     assert said in capsys.readouterr().err
 

@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from corpus.first_files import FIRST
 from corpus.foreign_logs import GOOD, N, plain, semicolons, understood
 
 from thermocorr import DynamicBiasRegressor, save_model
@@ -127,9 +128,9 @@ def test_a_line_in_another_way_of_writing_is_left_out_and_named(written, tmp_pat
     ):
         assert main(["correct", str(written(content, name)), *follow]) == 2
         assert re.search(words, capsys.readouterr().err)
-    for said in (["--timezone", "UTC"], ["--time-format", "%d"]):
+    for said in (["--timezone", "UTC"], ["--time-format", "excel"], ["--na", "x"], ["--time-format", "%d"]):
         assert main(["correct", str(written(semicolons())), *follow, *said]) == 2
-        assert "need" in capsys.readouterr().err
+        assert ("is a row with times as '%d'" if "%d" in said else "need") in capsys.readouterr().err
 
 
 def test_correct_says_how_it_has_read_a_log(written, tmp_path, capsys):
@@ -343,3 +344,36 @@ def test_a_line_that_is_no_header_is_called_by_its_number_in_the_stream(
     path.write_text(begin + dated_rows("s"))
     assert corrected("a pipe", path, minutes, monkeypatch) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_growing_log_is_read_in_the_form_of_the_models_own(analyzed, tmp_path, capsys):
+    """Its first row can be read as May or June; the log that was learned from went through midnight."""
+    text = GOOD["day and month told by midnight"].replace(",", ";").replace(".", ",")
+    folder = analyzed(text)
+    head, *rows = text.splitlines(keepends=True)
+    log, out = tmp_path / "log.csv", tmp_path / "out.csv"
+    log.write_text(head + rows[-1].replace(" 00:", " 01:"))
+    follow = ["--model", str(folder / "model.json"), "--follow", "--idle", "0", "--out", str(out)]
+    assert main(["correct", str(log), *follow]) == 0
+    assert pd.read_csv(out)["time"].tolist() == ["2024-05-07T01:19:00"]
+    capsys.readouterr()
+    assert main(["correct", str(log), *follow, "--force", "--time-format", "%m/%d/%Y %H:%M:%S"]) == 0
+    assert pd.read_csv(out)["time"].tolist() == ["2024-07-05T01:19:00"]
+
+
+@pytest.mark.parametrize("name", ["AM and PM apart", "hhmm", "hhmm without a date", "midnight as 24:00, day first"])
+def test_what_only_the_whole_log_tells_is_not_followed(name, analyzed, written, capsys):
+    """Or its times are those of the whole log: never others."""
+    content = FIRST[name]
+    model = ["--model", str(analyzed(content) / "model.json")]
+    path = written(content)
+    capsys.readouterr()
+    assert main(["correct", str(path), *model]) == 0
+    whole = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    status = main(["correct", str(path), *model, "--follow", "--idle", "0"])
+    shown = capsys.readouterr()
+    if status:
+        assert "need the whole log: leave out --follow" in shown.err
+    else:
+        followed = pd.read_csv(io.StringIO(shown.out))
+        np.testing.assert_allclose(followed["corrected"], whole["corrected"], rtol=0, atol=1e-9)

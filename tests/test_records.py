@@ -115,9 +115,9 @@ def test_local_times_without_a_zone_that_step_back_are_refused_with_the_reason()
 @pytest.mark.parametrize(
     ("times", "said"),
     [
-        (np.repeat(np.arange(N // 2), 2), "rows 0 and 1; every time stands there twice. Drop every second row from"),
-        (np.delete(np.repeat(np.arange(N), 2), 0)[:N], "rows 1 and 2, and 28 more like these. Drop one of each from"),
-        ([0, *range(N - 1)], "rows 0 and 1. Drop one of them from"),
+        (np.repeat(np.arange(N // 2), 2), "rows 0 and 1; every time stands there twice. Drop every second row, or"),
+        (np.delete(np.repeat(np.arange(N), 2), 0)[:N], "rows 1 and 2, and 28 more like these. Drop one of each, or"),
+        ([0, *range(N - 1)], "rows 0 and 1. Drop one of them, or"),
     ],
 )
 @pytest.mark.parametrize("column", ["when", None])

@@ -169,8 +169,24 @@ def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
         {"do": "mark", "what": "left out", "low": 10**4000, "high": 1.0},
         {"do": "shape", "time_constants": 6, "degree": 2.5, "products": False},
         {"do": "shape", "time_constants": 6, "degree": 2, "products": "yes"},
-        {"do": "columns", "temperature": "nothing", "reading": "reading", "time": None, "run": None, "ignored": []},
-        {"do": "columns", "temperature": "reading", "reading": "reading", "time": None, "run": None, "ignored": []},
+        {
+            "do": "columns",
+            "temperature": "nothing",
+            "reading": "reading",
+            "reference": None,
+            "time": None,
+            "run": None,
+            "ignored": [],
+        },
+        {
+            "do": "columns",
+            "temperature": "reading",
+            "reading": "reading",
+            "reference": None,
+            "time": None,
+            "run": None,
+            "ignored": [],
+        },
         {"do": "columns", "temperature": "temperature", "reading": "reading"},
         {"do": "mark", "what": "eaten", "low": 0.0, "high": 1.0},
         {"do": "mark", "what": "left out", "low": float("nan"), "high": 1.0},
@@ -193,6 +209,7 @@ def test_a_log_whose_columns_cannot_be_guessed_waits_for_its_user(tmp_path):
         "do": "columns",
         "temperature": "temperature",
         "reading": "a",
+        "reference": None,
         "time": "time",
         "run": None,
         "ignored": ["b"],
@@ -226,7 +243,7 @@ Datum;Uhrzeit;Temp. Raum (\u00b0C);rel. Feuchte (%);U1 (V)
 """
 
 
-def test_times_are_known_before_temperature_and_reading_are(tmp_path):
+def test_columns_of_a_german_log_are_told(tmp_path):
     record = make_record(1500, effects={"covariate": 0.0}, seed=2)
     lines = [
         f"{time:%d.%m.%Y};{time:%H:%M:%S};{row.temperature:.3f};{row.temperature + 1:.3f};{row.reading:.4f}".replace(
@@ -240,9 +257,11 @@ def test_times_are_known_before_temperature_and_reading_are(tmp_path):
     bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
     bench.start()
     state = snapshot(bench)
-    assert {c["name"]: c["role"] for c in state["columns"]}["Datum"] == "time" and not state["decided"]
+    roles = {c["role"]: c["name"] for c in state["columns"]}
+    assert roles["time"] == "Datum" and roles["temperature"] == "Temp. Raum (°C)" and roles["reading"] == "U1 (V)"
     names = [c["name"] for c in state["columns"]]
-    asked = {"do": "columns", "temperature": names[2], "reading": names[4], "time": "Datum", "run": None}
+    asked = {"do": "columns", "temperature": names[2], "reading": names[4], "reference": None, "time": "Datum"}
+    asked["run"] = None
     for ignored in ([], ["Uhrzeit"]):
         bench.perform({**asked, "ignored": ignored})
         state = snapshot(bench)

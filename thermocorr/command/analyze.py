@@ -80,6 +80,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_learning_options(parser)
     parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
+    parser.add_argument(
+        "--deployable", action="store_true", help="with --refine: only effects that run sample by sample, live or in C"
+    )
     parser.add_argument("--out", metavar="FOLDER", help="where to write corrected.csv and the fitted model")
     parser.add_argument(
         "--report",
@@ -153,6 +156,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             evaluated["smoothed"] = average.many(evaluated["corrected"].to_numpy(float))
         answer = replace(answer, notes=(*answer.notes, *more))
         files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
+        best.log_form_ = loaded.form or {}
         files += map(str, write_model(outputs, folder, best, (X, y)))
     if report is not None:
         files.append(str(report))
@@ -174,9 +178,10 @@ def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
     model = next(iter(comparison.models.values()))
     thermometers, unit = model.thermometers_, model.reading_.temperature_unit
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
+    against = "" if model.reference is None else f" less {model.reference!r}"
     by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else " by their size"
     return [
-        f"{model.reading_.n_readings} readings of {loaded.reading!r}, {named} ({unit}{by_size}), a row every "
+        f"{model.reading_.n_readings} readings of {loaded.reading!r}{against}, {named} ({unit}{by_size}), a row every "
         f"{span_text(model.features_.history_.usual_step)}",
         *([f"Read as: {', '.join(loaded.understood)}."] if loaded.understood else []),
     ]
@@ -229,7 +234,7 @@ def _judge(
                     show("looking for what is missing")
                     found = diagnose(model, X, y)
                 return Judged(f"{found}\n\n{places(found)}", found)
-            refinement = refine(model, X, y, progress=progress)
+            refinement = refine(model, X, y, deployable=options.deployable, progress=progress)
     except RecordError as error:
         return Judged(f"Not judged: {error}", reason=f"Not judged: {error}")
     first = refinement.diagnoses[0]

@@ -21,6 +21,7 @@ COMMANDS = {
     "correct": "correct a log, or a stream of lines, with a fitted model",
     "workbench": "compare, see where it fails, add what is missing: in a browser on this machine",
     "export-c": "write a fitted model as C source for a microcontroller",
+    "export-esphome": "write a fitted model as a package for ESPHome",
 }
 """Name -> what for. The module of that name does it: `add_arguments`, `run`."""
 
@@ -91,8 +92,10 @@ def _loaded_to_stay() -> Iterator[None]:
 
 def _executed(options: argparse.Namespace) -> int:
     """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
+    from ..records.errors import as_command
+
     try:
-        with _warnings_as_notes():
+        with _warnings_as_notes(), as_command():
             status = options.execute(options, _say, show_progress) or 0
         sys.stdout.flush()
         clear_progress()

@@ -377,9 +377,7 @@ def _run(options: argparse.Namespace) -> int:
         times = options.time or model.time
         idle = options.idle if options.follow else None
         how = how_to_read(options, (*live.columns, *model.thermometers_, model.reading_.name, model.run))
-        lines = open_lines(options.log, options.follow, idle, stop, how, times)
-        if isinstance(lines, TableLines) and lines.said:
-            _complain(f"read as: {', '.join(lines.said)}")
+        lines = open_lines(options.log, options.follow, idle, stop, how, times, getattr(model, "log_form_", {}))
         try:
             name = lines.time_name if isinstance(lines, TableLines) else None
             rows = LogRows(live, options, _complain, time_name=name, place=lines.place, units=lines.units())
@@ -401,6 +399,8 @@ def _pump(
         raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
     names = rows.begin(first)
     rows.says_unix = not isinstance(lines, TableLines)
+    if isinstance(lines, TableLines) and lines.said:
+        _complain(f"read as: {', '.join(lines.said)}")
     if rows.time_unit and not isinstance(lines, TableLines):
         _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:

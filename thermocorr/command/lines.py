@@ -8,17 +8,17 @@ import stat
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import pandas as pd
 
 from ..files.writer import Position, position
-from ..foreign import ForeignTable, HowToRead, read_log, with_times
+from ..foreign import ForeignTable, HowToRead, read_log, time_of, with_times
 from ..foreign.containers import FEATHER, PACKED, SHEETS
 from ..foreign.live_lines import LineTranslator
 from ..foreign.several import plain_head
-from ..foreign.timed import time_column
 from ..foreign.values import is_unit, is_value
 from ..records import RecordError
 from ..records.errors import existing_file
@@ -229,7 +229,7 @@ class TableLines(Lines):
         self.stamped = isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
         self.time_name = str(index.name) if self.stamped and index.name is not None else "time"
         """Name of the index, where that holds the times, or of the column that does."""
-        column = None if self.stamped else time_column(table.frame.columns, time, how)
+        column = None if self.stamped else _times_in(table.frame, time, how)
         if column is not None:
             table, self.time_name = with_times(table, column, how), column
         self.frame = _numbers_as_came(table)
@@ -325,9 +325,19 @@ class TranslatedLines(Lines):
 
 
 def open_lines(
-    log: str, follow: bool, idle: float | None, stop: StopSignal, how: HowToRead | None = None, time: str | None = None
+    log: str,
+    follow: bool,
+    idle: float | None,
+    stop: StopSignal,
+    how: HowToRead | None = None,
+    time: str | None = None,
+    form: Mapping[str, str] | None = None,
 ) -> Lines:
-    """The lines of what a command was given: the name of a file, or - for standard input."""
+    """The lines of what a command was given: the name of a file, or - for standard input.
+
+    `form` is how the log of the model was written, see `ForeignTable.form`: a log that grows is read so where its own
+    first lines do not tell.
+    """
     how = how or HowToRead()
     if log == "-":
         _refuse_foreign("standard input", how)
@@ -346,9 +356,33 @@ def open_lines(
         if said is not None or path.suffix.lower() in (*SHEETS, *FEATHER, *PACKED):
             what = path.suffix if said is None else said.name
             raise RecordError(f"{path} is {what}, which cannot be followed while it grows. Leave out --follow.")
-        translator = LineTranslator(path, how, lambda names: time_column(names, time, how))
+        translator = _translator(path, how, time, dict(form or {}))
         return TranslatedLines(FileLines(path, follow, idle, stop), translator)
     return TableLines(path, stop, how, time)
+
+
+def _translator(path: Path, how: HowToRead, time: str | None, form: dict[str, str]) -> LineTranslator:
+    """The reader of a growing log, by its own first lines, or by the form of the model's log."""
+
+    def times(frame: pd.DataFrame) -> str | None:
+        return _times_in(frame, time, how)
+
+    try:
+        return LineTranslator(path, how, times)
+    except RecordError:
+        known: dict[str, Any] = {name: value for name, value in form.items() if getattr(how, name) is None}
+        if not known:
+            raise
+        try:
+            return LineTranslator(path, replace(how, **known), times)
+        except RecordError:
+            pass
+        raise
+
+
+def _times_in(frame: pd.DataFrame, named: str | None, how: HowToRead) -> str | None:
+    """The column of times, as named or found; None for one that is not there."""
+    return time_of(frame, how.no_times) if named is None else named if named in frame.columns else None
 
 
 def _refuse_foreign(what: str, how: HowToRead) -> None:
@@ -364,7 +398,7 @@ def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
         return True
     if head is None:
         return False
-    column = time_column(head.frame.columns, time, how)
+    column = _times_in(head.frame, time, how)
     try:
         read = head if column is None else with_times(head, column, how)
     except RecordError:  # the whole file may tell more

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -14,10 +13,11 @@ from ..effects.steps import Events
 from ..estimators import DynamicBiasRegressor
 from ..estimators.fitting import masked_readings
 from ..files.result_files import result_columns
-from ..foreign import RUN, ForeignTable, HowToRead, read_logs, with_times
+from ..foreign import RUN, ForeignTable, HowToRead, guess, read_logs, with_times
+from ..foreign.roles import is_counter
 from ..records import RecordError, read_record
-from ..records.errors import listing, quoted, warn
-from ..records.files import TIME_NAMES, require_column
+from ..records.errors import quoted, warn
+from ..records.files import require_column
 from ..records.times import dates_once, seconds_of
 from ..records.types import kind_of
 from ..records.units import DEGREES, unit_of
@@ -53,12 +53,18 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--time-format",
         metavar="FORMAT",
-        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, labview, unix, 'unix ms', 'unix us', 'unix ns', "
-        "seconds",
+        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, matlab, labview, unix, 'unix ms', 'unix us', "
+        "'unix ns', hhmm, seconds",
     )
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
     group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")
     group.add_argument("--sort", action="store_true", help="sort the rows by time")
+    group.add_argument("--names", metavar="LIST", help="of the columns where there is no header: time,room,dmm")
+    group.add_argument(
+        "--na", metavar="WORD", action="append", help="a word or number for no value; once more for each further one"
+    )
+    group.add_argument("--skip-bad-rows", action="store_true", help="pass over lines that are no rows; they are named")
+    group.add_argument("--drop-duplicates", action="store_true", help="keep the first of rows with the same time")
 
 
 def add_column_options(parser: argparse.ArgumentParser) -> None:
@@ -69,17 +75,23 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
         help="join several files by their times; without it, files that follow on one another are one log, and others "
         "are runs (with --run file in any case)",
     )
-    columns = parser.add_argument_group("columns of the log")
+    columns = parser.add_argument_group(
+        "columns of the log (told by their names, units and values where nothing is said)"
+    )
     columns.add_argument(
         "--temperature",
         metavar="COLUMN",
         action="append",
-        help="ambient temperature (default: temperature); once more for each further thermometer, such as a case's",
+        help="ambient temperature; once more for each further thermometer, such as a case's",
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
     columns.add_argument(
-        "--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds (default: time, timestamp, ...)"
+        "--reference",
+        metavar="COLUMN",
+        action=OneColumn,
+        help="a better instrument of the same quantity: how much the reading differs from it is learned, U0 included",
     )
+    columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates or seconds")
     columns.add_argument("--run", metavar="COLUMN", action=OneColumn, help="labels of runs; each starts anew")
     columns.add_argument(
         "--sampling-period",
@@ -142,7 +154,7 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
 def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) -> HowToRead:
     """What the user said of the log's file; further columns that are something else than the times may be given."""
     named = [options.reading, *(options.temperature or ())]
-    named += [getattr(options, role, None) for role in ("run", "events")]
+    named += [getattr(options, role, None) for role in ("run", "events", "reference")]
     named += [rule.rpartition("=")[0] for rule in getattr(options, "fill", None) or ()]
     return HowToRead(
         separator=options.sep,
@@ -152,7 +164,12 @@ def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) ->
         timezone=options.timezone,
         sheet=options.sheet,
         sort=options.sort,
+        names=tuple(name.strip() for name in (options.names or "").split(",") if name.strip()),
+        missing=tuple(options.na or ()),
+        skip_bad_rows=options.skip_bad_rows,
+        drop_duplicates=options.drop_duplicates,
         reading=options.reading,
+        run=getattr(options, "run", None),
         no_times=tuple(dict.fromkeys(str(name) for name in (*named, *no_times) if name)),
     )
 
@@ -174,12 +191,16 @@ class Loaded(NamedTuple):
     """The column of the readings."""
     understood: tuple[str, ...] = ()
     """How its file was read."""
+    form: dict[str, str] | None = None
+    """How its file is written, see `ForeignTable.form`."""
     results: tuple[str, ...] = ()
-    """Columns of an earlier result in the log: no suspects."""
+    """Columns of an earlier result in the log, and those that count its rows: no suspects."""
 
     def columns(self) -> tuple[pd.DataFrame, pd.Series[Any]]:
         """What the model takes: X, with its dates read once, and y."""
-        X, y = self.log.drop(columns=[self.reading, *self.results]), self.log[self.reading]
+        also = self.model.temperature if isinstance(self.model.temperature, list) else [self.model.temperature]
+        own = [] if self.reading in also else [self.reading]  # a thermometer that heats itself is both
+        X, y = self.log.drop(columns=[*own, *self.results]), self.log[self.reading]
         if self.model.time is not None:
             X[self.model.time] = dates_once(X[self.model.time])
         return X, y
@@ -194,7 +215,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     }
     time_constants = parse_time_constants(options.time_constants)
     if not options.log:
-        if options.reading or options.temperature or options.time or options.run:
+        if any((options.reading, options.reference, options.temperature, options.time, options.run)):
             raise RecordError("Columns are named but no log is given. Put the log's file name after 'analyze'.")
         from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
 
@@ -205,20 +226,26 @@ def load_log(options: argparse.Namespace) -> Loaded:
     how = how_to_read(options)
     table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
     log = table.frame
-    _ask_for_all(options, log, how)
-    reading = require_column(log.columns, options.reading, "reading", ("reading",))
-    thermometers = [
-        require_column(log.columns, name, "temperature", ("temperature",)) for name in options.temperature or [None]
-    ]
-    if reading in thermometers:
+    for role in ("temperature", "reading", "reference", "time", "run"):
+        named = getattr(options, role)
+        for name in [named] if isinstance(named, str) else named or ():
+            require_column(log.columns, name, role)
+    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    given = {role: getattr(options, role) for role in ("reading", "reference", "time", "run")}
+    given["temperature"] = (options.temperature or [None])[0]
+    found = guess(log, **given, no_times=how.no_times)
+    asked = [*(() if stamped or options.sampling_period is not None else ("time",)), "temperature", "reading"]
+    found.ask(asked, list(log.columns))
+    assert found.temperature is not None and found.reading is not None
+    reading, thermometers = found.reading, options.temperature or [found.temperature]
+    if reading in thermometers and options.reference is None:
         raise RecordError(
-            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows."
+            f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows. If it "
+            "is a thermometer that is to be compared with a better one, name that with --reference."
         )
     of_files = RUN if len(options.log) > 1 and not options.join and RUN in log.columns else None
-    run = of_files if options.run is None else require_column(log.columns, options.run, "run")
-    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    how = replace(how, no_times=(*how.no_times, reading, *thermometers))
-    time = _time_column(options, table, how, stamped)
+    run = of_files if options.run is None else options.run
+    time = _time_column(options, table, how, None if stamped else found.time)
     timed = stamped or time is not None
     if timed and options.sampling_period is not None:
         _note("The data have times of their own: --sampling-period is not used.")
@@ -235,52 +262,30 @@ def load_log(options: argparse.Namespace) -> Loaded:
         "sampling_period": None if timed else options.sampling_period,
         "max_gap": options.max_gap,
         "fill": fill_rules(options.fill, log.columns),
+        "reference": options.reference,
     }
     temperature = thermometers if len(thermometers) > 1 else thermometers[0]
     model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout, **learned)
-    named = {reading, *thermometers, time, run, options.events, *(layout["fill"] or ())}
+    named = {reading, *thermometers, time, run, options.reference, options.events, *(layout["fill"] or ())}
+    if found.why:
+        table = table.with_said(table.frame, found.sentence())
+    counters = [str(name) for name in log.columns if name not in named and is_counter(log[name])]
     results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
     if results:
         _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
-    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, understood=table.said, results=results)
+    if counters:
+        _note(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
+    results = (*results, *counters)
+    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, table.said, table.form, results)
 
 
-def _ask_for_all(options: argparse.Namespace, log: pd.DataFrame, how: HowToRead) -> None:
-    """Raise RecordError where several columns are neither named nor called what they are: for all of them at once."""
-    asked: dict[str, tuple[str, ...]] = {"reading": ("reading",), "temperature": ("temperature",)}
-    named = [options.reading, *(options.temperature or [])]
-    if options.sampling_period is None and not isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex):
-        asked["time"] = TIME_NAMES
-    unknown = []
-    for role, names in asked.items():
-        if getattr(options, role) is None:
-            try:
-                require_column(log.columns, None, role, names, (*how.no_times, *named) if role == "time" else ())
-            except RecordError:
-                unknown.append(role)
-    if len(unknown) > 1:
-        *first, last = unknown
-        raise RecordError(
-            f"Which columns are the {', the '.join(first)} and the {last}? Say it with "
-            f"{', '.join(f'--{role}' for role in unknown)}; there are {listing(log.columns)}."
-        )
-
-
-def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, stamped: bool) -> str | None:
-    """The column of times; None where the index has them, or the rows are --sampling-period apart."""
+def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, found: str | None) -> str | None:
+    """The column of times that was found; None where the index has them, or the rows are --sampling-period apart."""
     if options.time is not None and options.sampling_period is not None:
         raise RecordError("Give --time or --sampling-period, not both.")
-    if stamped and options.time is None:
-        return None
-    if options.sampling_period is None:
-        return require_column(table.frame.columns, options.time, "time", TIME_NAMES, how.no_times)
-    try:
-        column = require_column(table.frame.columns, None, "time", TIME_NAMES, how.no_times)
-    except RecordError:
-        return None
-    if _goes_forward(table, column, how):
-        return column
-    _note(f"{quoted(column)} does not go forward from row to row: rows are taken as --sampling-period apart.")
+    if options.sampling_period is None or found is None or _goes_forward(table, found, how):
+        return found
+    _note(f"{quoted(found)} does not go forward from row to row: rows are taken as --sampling-period apart.")
     return None
 
 

@@ -19,13 +19,14 @@ from ..estimators.reading import check_median, check_temperature, check_unit
 from ..files.result_files import new_names
 from ..foreign import RUN
 from ..foreign.clocks import SPANS
+from ..foreign.roles import named_time
 from ..foreign.sniffing import are_units, units_below
 from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
 from ..live.filled import COLUMNS
 from ..records import RecordError
 from ..records.errors import listing, quoted, times_word
-from ..records.files import TIME_NAMES, fields_of, header_of, is_comment, miscounted
+from ..records.files import fields_of, header_of, is_comment, miscounted
 from ..records.grammar import is_missing, label, number
 from ..records.labels import parted_state
 from ..records.numbers import span_text
@@ -200,8 +201,8 @@ class LogRows:
             self._run = self._place(str(model.run), "")
         taken = {self._temperature, self._reading, self._run, *(at for at, _ in self._others.values())}
         free = [name for at, name in enumerate(header) if at not in taken]
-        guesses = (self._time_name, *TIME_NAMES)
-        name = self.options.time or model.time or next((n for n in guesses if n in free), "time")
+        own = self._time_name if self._time_name in free else named_time(free)
+        name = self.options.time or model.time or own or "time"
         self._time = self._place(name, "time") if self._timed else None
         self.time_unit = self._unit_of_times(name)
         self._extra = self.live.names

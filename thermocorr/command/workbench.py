@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 import threading
 import webbrowser
@@ -38,10 +39,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     serving.add_argument("--port", type=int, default=0, help="on 127.0.0.1 (default: a free one)")
     serving.add_argument("--keep", action="store_true", help="go on when the page is closed; Ctrl-C ends it")
     serving.add_argument("--no-browser", action="store_true", help="print the address only")
+    static = parser.add_argument_group("page that computes in the browser, to be served by any web server")
+    static.add_argument("--static", metavar="FOLDER", help="write it there, and end")
+    static.add_argument("--pyodide", metavar="FOLDER", help="a Pyodide distribution, whose files go along")
+    static.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
     """Serve it until the page is closed, or Ctrl-C."""
+    if options.static is not None:
+        _write_static(options, say)
+        return
     try:
         from ..interactive.browser import server
     except ModuleNotFoundError as error:
@@ -49,7 +57,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             raise
         raise ImportError(NEEDS) from None
     from ..interactive.acts import ModelSettings
-    from ..interactive.browser.worker import Opening
+    from ..interactive.opening import Opening
     from ..interactive.takeaway import is_session
 
     check_numbers(options)
@@ -67,7 +75,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         join=options.join,
         named={
             role: value[0] if isinstance(value, list) else value
-            for role in ("temperature", "reading", "time", "run")
+            for role in ("temperature", "reading", "reference", "time", "run")
             if (value := getattr(options, role)) is not None
         },
         settings=ModelSettings(
@@ -87,6 +95,16 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     server.run(opening, port=options.port, keep=options.keep, ready=ready)
+
+
+def _write_static(options: argparse.Namespace, say: Callable[[str], None]) -> None:
+    """Write the page that needs no server of its own."""
+    from ..interactive.browser.static_page import WHERE, write_static
+
+    if options.pyodide is None:
+        raise RecordError(f"--static needs Pyodide, the Python that runs in a browser. {WHERE}")
+    index = write_static(options.static, options.pyodide, options.force)
+    say(f"Written: {index}\nServe the folder, for example: python -m http.server -d {shlex.quote(str(index.parent))}")
 
 
 def _has_screen() -> bool:

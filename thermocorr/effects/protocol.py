@@ -11,6 +11,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, clone
 
 from ..records import Block, Record, seconds_of
+from ..records.errors import option
 from .expressions import words_of
 from .signals import BlockSignals, Signals
 
@@ -284,7 +285,7 @@ def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
         if effect.foresees:
             raise ValueError(
                 f"The effect {effect.label()!r} looks at samples that come later, which {who} does not have. "
-                f"{effect.instead}".rstrip()
+                f"Refine with {option('deployable', 'True')}, which adds no such effect. {effect.instead}".rstrip()
             )
 
 

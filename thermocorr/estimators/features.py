@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -25,6 +26,7 @@ from .thermometers import Thermometers
 from .time_constants.spectrum import DECAY_SHARE
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
+    "reference": "no_validation",
     "fill": [dict, None],
     "temperature": "no_validation",
     "time": "no_validation",
@@ -90,6 +92,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         several), or "end" the segment, so that lags begin anew behind the hole; ("estimate", "1 h") does so for an hour
         at most, ("end", "1 h") from an hour on. Readings beside filled cells are not learned from.
 
+    reference : str, optional
+        Column that is no feature: what readings are compared with, see `DynamicBiasRegressor`.
+
     Attributes
     ----------
     effects_ : list of (str, Effect)
@@ -141,6 +146,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         sampling_period: Any = None,
         max_gap: Any = None,
         fill: Any = None,
+        reference: Any = None,
     ):
         self.time_constants = time_constants
         self.degree = degree
@@ -156,6 +162,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.fill = fill
+        self.reference = reference
 
     def fit(self, X: Any, y: Any = None) -> DiffusiveFeatures:
         """Learn the reference temperature, the segments and the states at their ends.
@@ -209,6 +216,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             warn(note)
         self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
         for _, effect in self.effects_:
+            if self.reference is not None and "removed_by_correct" in effect.get_params(deep=False):  # nothing is kept
+                effect.removed_by_correct = True
             effect.learn(record)
         first = next((e for _, e in self.effects_ if isinstance(e, StaticPolynomial)))
         self.reference_temperature_ = first.reference_temperature_
@@ -259,7 +268,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             return resume(effects, self.history_, X)
         X = self._check_columns(X, reset=False)
         fill = self.fill_in if self.filling_.stand_ins else None
-        record = read_record(X, self.layout(), y=y, needed=needed_columns(effects), quiet=True, fill=fill)
+        layout = replace(self.layout(), reference=None)  # rows to be corrected have readings, and need no reference
+        record = read_record(X, layout, y=y, needed=needed_columns(effects), quiet=True, fill=fill)
         return resume(effects, self.history_, record)
 
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
@@ -318,8 +328,9 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return parts
 
     def layout(self) -> Layout:
-        """Which columns of X are the temperature, the time and the run, and how its rows are spaced."""
-        return Layout(self.thermometers().ambient, self.time, self.run, self.sampling_period, self.max_gap)
+        """Which columns of X are the temperature, the time, the run and the reference, and how its rows are spaced."""
+        ambient = self.thermometers().ambient
+        return Layout(ambient, self.time, self.run, self.sampling_period, self.max_gap, self.reference)
 
     def _check_columns(self, X: Any, reset: bool) -> Any:
         return check_columns(self, X, reset)

@@ -19,7 +19,8 @@ from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, Doubt
-from ..records.numbers import numeric_reading
+from ..records.numbers import is_frame, numeric_column, numeric_reading
+from ..records.record_log import as_data
 from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
@@ -30,6 +31,19 @@ from .prior import Law, law_of
 from .progress import one_blas_thread
 from .reading import Reading, check_range, check_reading_unit, check_record, like, no_flags
 from .tables import coefficient_table, distinct, equation_text
+
+
+class Same:
+    """One number for every row."""
+
+    def __init__(self, value: float):
+        self.value = value
+
+    def __getitem__(self, rows: Any) -> float:
+        return self.value
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(self.value, dtype)
 
 
 class FittedModel:
@@ -98,7 +112,9 @@ class FittedModel:
         """The fitted formula as text."""
         check_is_fitted(self, "pipeline_")
         temperature = column_text(self.features_.history_.record.temperature_name)
-        return equation_text(self.features_.effect_list(), self._all_coefficients(), self.reading_, temperature)
+        reading, reference = self.reading_, self.features_.reference
+        learned = reading if reference is None else replace(reading, name=f"{reading.name} - {reference}")
+        return equation_text(self.features_.effect_list(), self._all_coefficients(), learned, temperature)
 
     @property
     def features_(self) -> DiffusiveFeatures:
@@ -287,7 +303,25 @@ class FittedModel:
     def removed_part(self, contributions: np.ndarray) -> np.ndarray:
         """The bias that `correct` removes, shape (n,), from the contributions of all effects, shape (n, n_effects)."""
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        return np.asarray(contributions[:, removed].sum(axis=1))
+        return np.asarray(contributions[:, removed].sum(axis=1) + self.removed_level)
+
+    @property
+    def removed_level(self) -> float:
+        """What of U0 is bias: all of it where readings are compared with a reference, else nothing."""
+        return 0.0 if self.features_.reference is None else self.intercept_
+
+    def level(self, X: Any) -> Any:
+        """U0 in each row; with a reference the reading that a device without effects would have shown, shape (n_rows,).
+
+        NaN where X has no reference.
+        """
+        name = self.features_.reference
+        if name is None:
+            return Same(self.intercept_)
+        X = as_data(X)
+        if not is_frame(X) or name not in X.columns:
+            return Same(np.nan)
+        return np.asarray(numeric_column(X, name, "reference")[:], float) + self.intercept_
 
     def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""

@@ -22,7 +22,7 @@ from ..effects.expressions import reads_temperature
 from ..effects.protocol import Effect
 from ..equations.lags import bridge_error, followed_error
 from ..records import Block, Record, SegmentStart
-from ..records.errors import times_word
+from ..records.errors import option, times_word
 from ..records.gaps import Gaps, least_gap, longest_gap
 from ..records.screen import LeftOut
 
@@ -417,7 +417,7 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
         f"{times_word(count, 'reading')} behind gaps{share} {'is' if count == 1 else 'are'} not learned from. They are "
-        "corrected as if it had been a straight line; max_gap=... starts afresh behind longer gaps."
+        f"corrected as if it had been a straight line; {option('max_gap')} starts afresh behind longer gaps."
     ]
 
 

@@ -20,8 +20,13 @@ from .flat import flat_text, is_flat, resolved
 
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
-    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities)."""
-    X = as_data(X)
+    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities).
+
+    The reference of the readings is no feature: rows that are corrected need none.
+    """
+    given = X = as_data(X)
+    if estimator.reference is not None and isinstance(X, pd.DataFrame):
+        X = X.drop(columns=[estimator.reference], errors="ignore")
     if isinstance(X, pd.Series):
         raise RecordError(
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
@@ -41,7 +46,7 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
             twice = X.columns[X.columns.duplicated()][0]
             raise RecordError(f"Several columns are called {twice!r}. Give columns unique names.")
         _check_names(estimator, X, reset)
-        return X
+        return given
     return validate_data(
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan", accept_sparse=False
     )
@@ -69,6 +74,7 @@ def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
     if isinstance(X, RecordLog) and not reset:  # its times and runs are no columns any more
         columns = [name for name in names if name in columns or name in (estimator.time, estimator.run)]
         columns += [name for name in X.columns if name not in columns]
+    columns = [name for name in columns if estimator.reference is None or name != estimator.reference]
     validate_data(estimator, pd.DataFrame(columns=columns), skip_check_array=True, reset=reset)
     return X
 
@@ -311,6 +317,23 @@ def check_median(median: float, thermometer: Any, low: float, high: float) -> No
         warn(
             f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "
             f"{quoted(thermometer)} is in degF, convert it first."
+        )
+
+
+def check_reference(reference: Any, X: Any, y: Any) -> None:
+    """Refuse a reference that is no name, that is the reading itself, or that is in another unit than the reading."""
+    if reference is None:
+        return
+    if not isinstance(reference, str):
+        raise RecordError(f"The reference is the name of a column. Got {reference!r:.60}.")
+    name = y.columns[0] if isinstance(y, pd.DataFrame) and y.shape[1] == 1 else getattr(y, "name", None)
+    if name == reference:
+        raise RecordError(f"{quoted(name)} cannot be the reading and its own reference. Name the better instrument.")
+    one, other = "" if name is None else unit_of(name, y) or unit_of(name, X), unit_of(reference, X)
+    if units_differ(str(name), one, reference, other):
+        raise RecordError(
+            f"The reading {quoted(name)} is in {one}, and its reference {quoted(reference)} in {other}. Convert one of "
+            "them."
         )
 
 

@@ -27,7 +27,7 @@ from .fitting import MergedRidge, learned_readings, require_rows, standard_error
 from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
-from .reading import Reading, check_corrected, check_plausible, like, no_flags
+from .reading import Reading, check_corrected, check_plausible, check_reference, like, no_flags
 from .run_levels import RunLevels, run_levels
 from .uncertainty.assessed import SignedModel
 
@@ -78,6 +78,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         What like devices tell of this one: their time constants, T0, and the distribution of their coefficients, from
         which this device's own are taken to be drawn. An hour of a new unit is enough then. See
         `thermocorr.estimators.prior.LawPrior`.
+    reference : str, optional
+        Column of a better instrument that measures the same quantity, in the unit of y. What is learned is how much the
+        readings differ from it, U0 included: `correct` gives what the reference would have shown, and needs it no more.
+        Missing values are not learned from. Its own uncertainty is that of every corrected reading, see `uncertainty`.
     verbose : int, default 0
         1 prints what is being done.
 
@@ -151,6 +155,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         sampling_period: Any = None,
         max_gap: Any = None,
         fill: Any = None,
+        reference: Any = None,
         prior: Any = None,
         verbose: int = 0,
     ):
@@ -170,6 +175,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.fill = fill
+        self.reference = reference
         self.prior = prior
         self.verbose = verbose
 
@@ -201,6 +207,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._validate_params()
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
+        check_reference(self.reference, X, y)
         y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
         say = printed(self.verbose)
         with one_blas_thread():
@@ -262,16 +269,19 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def predict(self, X: Any, return_std: bool = False) -> Any:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.
 
-        With `return_std` a tuple: the standard uncertainty of one reading to come beside it, its noise included.
+        With a `reference` it is that plus the modelled bias, and NaN where X has none. With `return_std` a tuple: the
+        standard uncertainty of one reading to come beside it, its noise included.
         """
         if return_std:
-            return self._uncertain(X, "reading")
-        return np.asarray(self._contributions(X).sum(axis=1) + self.intercept_)
+            value, u = self._uncertain(X, "reading")
+            return value + (np.asarray(self.level(X)) - self.intercept_), u
+        return np.asarray(self._contributions(X).sum(axis=1) + np.asarray(self.level(X)))
 
     def bias(self, X: Any, return_std: bool = False) -> Any:
-        """What `correct` takes away: modelled reading less U0 (and less effects that are to be kept).
+        """What `correct` takes away: the modelled reading less U0, and less effects that are to be kept.
 
-        With `return_std` a tuple: its standard uncertainty beside it, without the noise of readings.
+        With a `reference` the modelled error, U0 included. With `return_std` a tuple: its standard uncertainty beside
+        it, without the noise of readings.
         """
         if return_std:
             value, u = self._uncertain(X, "bias")
@@ -294,7 +304,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         else:
             parts, believed = self._parts(X, reading)
             corrected = believed - self.removed_part(parts)
-        check_corrected(self.reading_, corrected, reading, self._level_asked_for())
+        self._check_corrected(corrected, reading)
         if average is not None:
             return like(X, MovingAverage(average).many(corrected), "smoothed")
         value = like(X, corrected, "corrected")
@@ -303,7 +313,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
         parts, believed = self._parts(X, self.reading_numbers(X, y))
-        return like(X, believed - (parts.sum(axis=1) + self.intercept_), "residual")
+        return like(X, believed - (parts.sum(axis=1) + np.asarray(self.level(X))), "residual")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
         """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
@@ -320,7 +330,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             for name, part in values.items():
                 columns[name][block.rows] = part
         columns["flag"] = flags.column()
-        check_corrected(self.reading_, columns["corrected"], reading, self._level_asked_for())
+        self._check_corrected(columns["corrected"], reading)
         if return_std:
             columns["u"] = np.where(np.isfinite(columns["corrected"]), self._uncertain(X, "corrected")[1], np.nan)
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
@@ -338,6 +348,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             else:
                 index = pd.RangeIndex(rows.start, rows.stop) if isinstance(rows, slice) else pd.Index(rows)
             yield pd.DataFrame({**values, "flag": flagged.column()}, index=index)
+
+    def _check_corrected(self, corrected: np.ndarray, reading: Any) -> None:
+        """Warn of corrected readings that leave all readings far behind; of an error the range says nothing."""
+        if self.features_.reference is None:
+            check_corrected(self.reading_, corrected, reading, self._level_asked_for())
 
     def _level_asked_for(self) -> tuple[float, ...]:
         """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""
@@ -385,11 +400,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
-        reading = self.reading_numbers(X, y)
+        reading, level = self.reading_numbers(X, y), self.level(X)
         for block, parts in self.judged_blocks(X):
             given = np.asarray(reading[block.rows], float)
             measured = self.believed(block, given)
-            model = parts.sum(axis=1) + self.intercept_
+            model = parts.sum(axis=1) + level[block.rows]
             yield (
                 block,
                 {"corrected": measured - self.removed_part(parts), "model": model, "residual": measured - model},

@@ -18,6 +18,7 @@ from ..effects import SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import TriangularFactor
 from ..records import BLOCK_ROWS, Record, RecordError
+from ..records.errors import option
 from ..records.numbers import is_frame
 from .features import DiffusiveFeatures
 from .fitting import sweep_effects
@@ -74,17 +75,18 @@ def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> Run
             differ = "are to have" if always else "have readings at"
             raise RecordError(
                 f"Runs {before.label!r} and {after.label!r} overlap in time and {differ} different levels: one model "
-                "holds one level at a time. Fit a model for each of them, or pass run_offset='same' if they are one "
-                "measurand."
+                "holds one level at a time. Fit a model for each of them, or pass "
+                f"{option('run_offset', repr('same'))} if they are one measurand."
             )
     times = _between(runs, record)
     if always:
         return RunLevels(times)
+    kept = "which correct keeps" if features.reference is None else "which is part of the error"
     return RunLevels(
         times,
-        f"The {len(runs)} runs are at different levels: each has a U0 of its own, which correct keeps "
-        f"(run_offset='each'); one for all would leave {np.sqrt(better):.3g} times the residual. Pass "
-        "run_offset='same' if they are one measurand.",
+        f"The {len(runs)} runs are at different levels: each has a U0 of its own, {kept} "
+        f"({option('run_offset', repr('each'))}); one for all would leave {np.sqrt(better):.3g} times the residual. "
+        f"Pass {option('run_offset', repr('same'))} if they are one measurand.",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import pandas as pd
 
 from ..records import read_record
 from ..records.numbers import numeric_reading
-from ..records.screen import screened
+from ..records.record_log import as_data
+from ..records.screen import error_of, screened
 
 NEARBY = 100
 """Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
@@ -65,10 +67,11 @@ def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
     `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are believed. `X`, `y` (as for
     `DynamicBiasRegressor.fit`). Returns array of shape (n_rows,): NaN where there is none, or a refused one.
     """
-    reading = np.array(numeric_reading(y, X), float)
+    features = model.unfitted_features(())
+    error = np.array(error_of(y, as_data(X), model.reference), float)
+    reading = np.where(np.isnan(error), np.nan, np.asarray(numeric_reading(y, X), float))
     if model.screen:
-        features = model.unfitted_features(())
-        record = read_record(X, features.layout(), y=reading, quiet=True)
+        record = read_record(X, replace(features.layout(), reference=None), y=error, quiet=True)
         for refused in screened(record, features.longest_step())[0].refused:
             if refused.what == "reading":
                 reading[refused.rows] = np.nan

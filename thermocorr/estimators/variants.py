@@ -16,6 +16,8 @@ from ..equations import moving_average, reduction_db
 from ..records import Record, read_record
 from ..records.errors import check_int, printable, said_once
 from ..records.numbers import Scale, number_text, scale_of
+from ..records.record_log import as_data
+from ..records.screen import error_of
 from .advice import Advice, advise
 from .choosing import count_to_choose
 from .holdout import residuals_of_blocks, rms, time_blocks
@@ -213,7 +215,8 @@ def compare_variants(
         advice = advise(fitted, X, y)
     record = read_record(X, fitted["static linear"].features_.layout(), y=y, quiet=True)
     smooth = _Smoothing(record, blocks, window)
-    raw = reading - np.nanmean(reading)
+    raw = np.asarray(error_of(reading, as_data(X), dynamic.reference), float)
+    raw = raw - np.nanmean(raw)
     before = float(np.nanstd(raw))
     rows = {"before correction": {"std": before, "std_smoothed": _std(smooth.whole(raw))}}
     for name in variants:

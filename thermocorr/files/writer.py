@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Any, BinaryIO, NamedTuple
 
 from ..records import RecordError
+from ..records.errors import way
 
 HEAD = 1 << 16
 """Bytes of a file that are looked at; the header line of a wide log is long."""
@@ -256,7 +257,7 @@ class Outputs:
             if target.exists() and _regular(target) and not self.force and not bears_mark(target):
                 raise OutputError(
                     f"{path} is there already and was not written by thermocorr. Name another file, or overwrite it "
-                    "with --force (in Python: force=True)."
+                    f"with {way('--force', 'force=True')}."
                 )
             target.parent.mkdir(parents=True, exist_ok=True)
             if not os.access(target if target.exists() and not _regular(target) else target.parent, os.W_OK):

@@ -171,11 +171,12 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
     judged = courses(firmware, given)
     bias, size = reference_bias(target, parts, *judged.now, seconds, given.steps)
     other, _ = reference_bias(target, parts, *judged.twin, seconds, given.steps)
+    changed, bias = bias - other, bias + getattr(model, "removed_level", 0.0)
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
         _warn_of_coarse_readings(model)
-    flags = expected_flags(firmware, given, judged, bias - other)
+    flags = expected_flags(firmware, given, judged, changed)
     return Trial(given, bias, flags, tolerance(firmware, bias, size))
 
 
@@ -214,6 +215,7 @@ def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray
         ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
         program.init.add(Assign(Kept("temperature"), ended))
     composer = Composer(program, model.reading_.unit if hasattr(model, "reading_") else "")
+    program.bias_constant += getattr(model, "removed_level", 0.0)
     composer.write(*zip(*parts, strict=True))
     if target.continues:
         for number, column in enumerate(program.columns):

@@ -86,9 +86,8 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     unit = "" if reading is None else f" {reading.temperature_unit}"
     unit += "" if reading is None or reading.unit_named else ", as its values have it: the record named no unit"
     lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}{unit}")
-    lines.append(
-        f"U0, reading at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}"
-    )
+    of = "U0, reading" if model.features_.reference is None else "U0, part of the bias, of an error"
+    lines.append(f"{of} at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}")
     if target.history is not None:
         record = target.history.record
         first, last = (record.times.label(row) for row in (0, target.last_row))

@@ -87,8 +87,12 @@ def _second_time(times: pd.Series[Any], zone: str) -> np.ndarray:
     return summer
 
 
+FAR = 10.0
+"""A step of more than so many usual ones is none of a log that goes on."""
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
 """Serial numbers of 1970 and 2050 in a spreadsheet, whose day 0 is 1899-12-30. Modified Julian days are more by now."""
+DAYS_OF_MATLAB = (719_529.0, 748_750.0)
+"""Day numbers of 1970 and 2050 in MATLAB, whose day 1 is the first of the year 0."""
 _SECONDS = ("s", "sec", "second", "seconds", "elapsed")
 _DATED = ("date", "datum", "timestamp", "datetime")
 """Words in the names of columns that hold seconds, and of those that hold dates."""
@@ -128,15 +132,17 @@ class Understood(NamedTuple):
     said: str = ""
     unix: bool = False
     """Whether they are Unix times, which are UTC."""
+    form: str = ""
+    """How dates are written, as for `strptime`; "" for all others."""
 
 
 def understood(values: pd.Series[Any], form: str | None = None, zone: str | None = None) -> Understood:
     """Times of a column as dates, spans or seconds.
 
     `values` (Series of shape (n,)): Text, numbers or dates. `form` (str, optional): A format of `strptime`, or
-    "excel", "labview", "unix", "unix ms", "unix us", "unix ns", "seconds". `zone` (str, optional): Time zone of local
-    times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that have two readings, and those
-    that have none.
+    "excel", "matlab", "labview", "unix", "unix ms", "unix us", "unix ns", "hhmm", "seconds". `zone` (str, optional):
+    Time zone of local times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that have two
+    readings, and those that have none.
     """
     if kind_of(values) == "text" and is_number(first_cell(values)):
         text: Any = values.astype("string").str.strip()
@@ -176,9 +182,15 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
         form = _form_of(known, str(values.name))
     if form is None or form == "seconds":
         return Understood(values)
-    if form == "excel":
-        whole = np.round((numbers - DAYS_OF_EXCEL[0]) * 86_400e3)  # to the millisecond, as spreadsheets show them
-        return Understood(_counted(whole, "ms", values), "days of a spreadsheet")
+    if form in ("excel", "matlab"):
+        first, words = (DAYS_OF_EXCEL[0], "a spreadsheet") if form == "excel" else (DAYS_OF_MATLAB[0], "MATLAB")
+        whole = np.round((numbers - first) * 86_400e3)  # to the millisecond, as spreadsheets show them
+        return Understood(_counted(whole, "ms", values), f"days of {words}")
+    if form == "hhmm":
+        clocks = clocks_of_digits(values)
+        if clocks is None:
+            raise RecordError(f"{quoted(values.name)} has numbers that are no hhmm: hours to 24, minutes below 60.")
+        return Understood(_of_clocks(clocks).times, "hours and minutes as hhmm")
     if form == "labview":
         return Understood(_counted(np.round((numbers - LABVIEW) * 1e3), "ms", values), "seconds since 1904")
     if "%" in form:
@@ -219,21 +231,63 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
             "they are with --time-format, such as %Y%m%d%H%M%S."
         )
     words = re.split(r"[^a-z]+", name.lower())
+    if _looks_like_hhmm(known, words):
+        return "hhmm"
     if any(word in _SECONDS for word in words) or low < DAYS_OF_EXCEL[0]:
         return None
     step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
     dense = len(known) > 1 and bool((known % 1.0).any()) and step < 0.5
     in_excel = high < DAYS_OF_EXCEL[1]
+    in_matlab = DAYS_OF_MATLAB[0] <= low and high < DAYS_OF_MATLAB[1]
     if not dense and not (in_excel and (step in DAILY or any(word in _DATED for word in words))):
         return None
     parts = known * 86_400.0  # a minute is 0.000694 days: a few decimals are none, and whole seconds are many
     whole = (np.round(known, 4) != known).any() and np.mean(np.abs(parts - np.round(parts)) < 0.05) >= 0.9
-    if not (dense and whole and in_excel):
+    if not (dense and whole and (in_excel or in_matlab)):
         raise RecordError(
             f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet or of "
-            "another clock? Say it with --time-format seconds or --time-format excel; convert others to dates."
+            "another clock? Say it with --time-format seconds, excel or matlab; convert others to dates."
         )
-    return "excel"
+    return "excel" if in_excel else "matlab"
+
+
+def clocks_of_digits(values: pd.Series[Any]) -> pd.Series[Any] | None:
+    """Whole numbers as times of day, ``2340`` or ``234000`` as ``23:40:00``; None for others: no minute is above 59."""
+    numbers = values.to_numpy(dtype=float, na_value=np.nan)
+    if not len(numbers) or not (numbers == np.floor(numbers)).all() or numbers.min() < 0:
+        return None
+    numbers = numbers * (100.0 if numbers.max() <= 2400 else 1.0)
+    hours, minutes, seconds = numbers // 10_000, numbers // 100 % 100, numbers % 100
+    if not ((minutes < 60) & (seconds < 60) & (numbers <= 240_000)).all():
+        return None
+    text = [f"{h:02.0f}:{m:02.0f}:{s:02.0f}" for h, m, s in zip(hours, minutes, seconds, strict=True)]
+    return pd.Series(text, index=values.index, name=values.name, dtype=object)
+
+
+def _looks_like_hhmm(known: np.ndarray, words: list[str]) -> bool:
+    """Whether numbers are times of day as hhmm: they are called so, or their steps are even as such and not as seconds.
+
+    Raises RecordError where they may be either.
+    """
+    if "hhmm" in words:
+        return True
+    clocks = clocks_of_digits(pd.Series(known)) if known.max() <= 2400 and known[0] >= 100 else None
+    if clocks is None or len(known) < 3:
+        return False
+    shown, steps = np.diff(known // 100 * 60 + known % 100) % 1440, np.diff(known)
+    if (shown == shown[0]).all() and not (steps == steps[0]).all():
+        return True
+    even = (shown == shown[0]).all() and (steps == steps[0]).all()
+    if ((shown == steps).all() or even) and {"time", "zeit", "clock", "uhrzeit"} & set(words):
+        raise RecordError(
+            f"Are the numbers, such as {known[0]:.0f}, seconds, or times of day as hhmm? Say it with --time-format "
+            "seconds or --time-format hhmm."
+        )
+    return False
+
+
+_MINUTES = re.compile(r"m{1,2}:ss|min:sec", re.IGNORECASE)
+"""What the name of times says that are minutes and seconds, and no hours and minutes."""
 
 
 def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
@@ -241,7 +295,10 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     if kind_of(values) != "text":
         return Understood(values)
     if form is not None:
-        return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
+        return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}", form=form)
+    if _MINUTES.search(str(values.name)) and re.fullmatch(r"\d+:\d\d(?:[.,]\d+)?", first_cell(values)):
+        hours = "0:" + values.astype("string").str.strip().str.replace(",", ".")
+        return Understood(_named(pd.to_timedelta(hours, errors="coerce"), values), "minutes and seconds")
     if re.fullmatch(CLOCK, first_cell(values)) or re.fullmatch(ELAPSED, first_cell(values)):
         return _of_clocks(values)
     if re.fullmatch(DAYS, first_cell(values)):
@@ -250,9 +307,10 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     if date is None:
         commas = values.astype("string").str.contains(",", regex=False).any()
         return Understood(values.map(point_for_comma, na_action="ignore") if commas else values)
-    times = _dates(values.astype("string").str.strip(), date)
+    text = values.astype("string").str.strip()
+    times = _dates(text, date)
     order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
-    return Understood(_named(times, values), f"dates as {order}")
+    return Understood(_named(times, values), f"dates as {order}", form=_whole_form(date, text))
 
 
 def point_for_comma(cell: str) -> str:
@@ -282,6 +340,10 @@ def date_form(values: pd.Series[Any]) -> str | None:
     if len(whole) > 1:
         forward = {date: times for date, times in whole.items() if not (times.diff() < pd.Timedelta(0)).any()}
         whole = forward if len(forward) == 1 else whole
+    if len(whole) > 1:  # through midnight only one of them goes on in the usual step
+        odd = {date: _odd_steps(times) for date, times in whole.items()}
+        even = {date: times for date, times in whole.items() if odd[date] == min(odd.values())}
+        whole = even if len(even) == 1 else whole
     if len(whole) > 1:
         one = next(iter(whole.values()))
         row = int(np.argmax(np.logical_or.reduce([(one != other).to_numpy() for other in whole.values()])))
@@ -292,6 +354,12 @@ def date_form(values: pd.Series[Any]) -> str | None:
                 f"Say which it is with --time-format, such as --time-format '{_whole_form(next(iter(whole)), text)}'."
             )
     return next(iter(whole))
+
+
+def _odd_steps(times: pd.Series[Any]) -> int:
+    """How many steps go back, or are far longer than the usual one."""
+    steps = times.diff().dt.total_seconds().to_numpy()[1:]
+    return int(((steps < 0) | (steps > FAR * np.median(steps))).sum()) if len(steps) else 0
 
 
 def _forms(cell: str) -> tuple[str, ...]:
@@ -341,7 +409,7 @@ def _whole_form(date: str, text: pd.Series[Any]) -> str:
 def _of_clocks(values: pd.Series[Any]) -> Understood:
     """Times of day without a date: spans, where they go on."""
     text = values.astype("string").str.strip()
-    spans = pd.to_timedelta(_day_share(text)["span"])
+    spans = times_of_day(text)
     if spans.isna().any() or (spans.diff() < pd.Timedelta(0)).any():
         since = _elapsed(text)
         if since is not None:
@@ -352,6 +420,18 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
             "A column of dates beside it is joined with it where it is called date."
         )
     return Understood(_named(spans, values), "times of day without a date")
+
+
+def times_of_day(text: pd.Series[Any]) -> pd.Series[Any]:
+    """Times of day as spans since the first midnight; NaT for what is none.
+
+    A day is added where the clock steps back and goes on in the usual step, as it does through midnight.
+    """
+    spans = pd.to_timedelta(_day_share(text.astype("string"))["span"])
+    steps = spans.diff().dt.total_seconds()
+    usual = float(steps[steps > 0].median()) if (steps > 0).any() else 0.0
+    midnight = (steps < 0) & (steps + 86_400 <= FAR * usual)
+    return spans + pd.to_timedelta(midnight.cumsum(), unit="D")
 
 
 def _of_spans(values: pd.Series[Any]) -> Understood:
@@ -400,7 +480,7 @@ def _day_share(text: pd.Series[Any]) -> pd.DataFrame:
     digits: Any = "0." + parts["fraction"].fillna(parts["third"]).fillna("0")
     fraction = pd.to_numeric(digits).astype(float)
     whole = hours * 3600 + minutes * 60 + seconds.fillna(0.0)
-    whole = whole.where((hours < 24) & (minutes < 60) & ~(seconds >= 61))
+    whole = whole.where(((hours < 24) | (whole == 86_400)) & (minutes < 60) & ~(seconds >= 61))  # 24:00 is midnight
     nanoseconds = whole * 1e9 + (fraction * 1e9).round()
     return pd.DataFrame({"span": pd.to_timedelta(nanoseconds, unit="ns")})
 
@@ -425,8 +505,8 @@ def _named(times: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 
 def _unknown_form(form: str) -> RecordError:
     return RecordError(
-        f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, unix, "
-        "unix ms, unix us, unix ns, labview, seconds."
+        f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, "
+        "matlab, labview, unix, unix ms, unix us, unix ns, hhmm, seconds."
     )
 
 

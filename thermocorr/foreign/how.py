@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pandas as pd
@@ -24,21 +24,31 @@ class HowToRead:
     timezone: str | None = None
     sheet: str | None = None
     sort: bool = False
+    names: tuple[str, ...] = ()
+    """Names of the columns of a file without a header."""
+    missing: tuple[str, ...] = ()
+    """Words and numbers that say that there is no value."""
+    skip_bad_rows: bool = False
+    drop_duplicates: bool = False
+    """Keep the first of rows with the same time."""
     reading: str | None = None
     """The column that keeps its own times, where several are brought on the same: what the instrument shows."""
+    run: str | None = None
+    """The column of labels of runs: the times of two may be the same."""
     no_times: tuple[str, ...] = ()
     """Columns that the user names as something else: none of them has the times, whatever it is called."""
 
     def says_something(self) -> bool:
         """Whether the user says anything of the file, and not only what its columns are."""
-        return replace(self, reading=None, no_times=()) != HowToRead()
+        return replace(self, reading=None, run=None, no_times=()) != HowToRead()
 
     def names_times(self) -> bool:
         """Whether the file alone says what its times are."""
         return self.time_format is None and self.timezone is None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "no_times", tuple(self.no_times))
+        for name in ("no_times", "names", "missing"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         mark = self.separator
         if mark is not None:
             object.__setattr__(self, "separator", _SAID_SEPARATORS.get(mark.lower(), mark))
@@ -46,6 +56,10 @@ class HowToRead:
             raise RecordError(f"--sep {mark!r} is none of: {', '.join(SEPARATORS.values())}.")
         if self.decimal not in (None, ".", ","):
             raise RecordError(f"--decimal {self.decimal!r} is neither . nor a comma.")
+
+
+FORM = ("separator", "decimal", "time_format")
+"""What a model remembers of how its log was written, and reads a growing one by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +72,8 @@ class ForeignTable:
     """How it was understood, where that was not a matter of course."""
     first_line: int | None = None
     """The line of a text that holds the first row, where each row is a line of its own."""
+    form: dict[str, str] = field(default_factory=dict)
+    """How it is written, of `FORM`, as far as that is not plain CSV with dates of ISO 8601."""
     as_came: pd.Series[Any] | None = None
     """The column of times as the file has it, where `frame` has other ones that its name or cells do not say."""
 

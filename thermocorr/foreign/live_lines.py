@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import pandas as pd
 
 from ..records import RecordError
+from ..records.files import fields_of
+from ..records.times import dates_once
 from .clocks import BEHIND_TIMES, date_form, point_for_comma, understood
 from .how import HowToRead
+from .roles import zone_in_name
 from .sniffing import Dialect
-from .text_tables import first_lines, head_dialect
-from .timed import date_and_clock, unit_of_times
-from .values import CLOCK, is_number
+from .text_tables import first_lines, head_dialect, text_table
+from .timed import date_and_clock, unit_of_times, with_times
+from .values import CLOCK, is_moment, is_number
 
+ZONED = re.compile(r"\d(?:Z|[+-]\d{2}:?\d{2})$")
+"""The end of a time with a zone of its own."""
 LINES = 40
 """Lines, those before the header included, from which a dialect is told: a damaged one behind them is left out."""
 FEWEST_ROWS = 2
@@ -29,10 +36,10 @@ class LineTranslator:
     """Turns the lines of a log into plain CSV, in the way that its first lines are written.
 
     `path` (Path): The log, which has its header and some rows already. `how` (HowToRead). `time` (callable): Finds
-    the column of times among names; None where there is none. Raises RecordError where the first lines do not tell.
+    the column of times of a frame; None where there is none. Raises RecordError where the first lines do not tell.
     """
 
-    def __init__(self, path: Path, how: HowToRead, time: Callable[[tuple[str, ...]], str | None]):
+    def __init__(self, path: Path, how: HowToRead, time: Callable[[pd.DataFrame], str | None]):
         with path.open("rb") as file:
             head = first_lines(file.read(1 << 16))
         if b"\0" not in head[:100]:
@@ -40,36 +47,74 @@ class LineTranslator:
         text, found = head_dialect(head, how)
         if text is None or found is None or text.name.startswith("UTF-16") or text.name.startswith("UTF-32"):
             raise RecordError(f"{path} cannot be followed while it grows: it is no table, or in UTF-16.")
-        if how.timezone or how.sort:
-            raise RecordError("--timezone and --sort need the whole log: leave them out, or leave out --follow.")
+        whole = [
+            name for name in ("timezone", "sort", "skip_bad_rows", "drop_duplicates", "missing") if getattr(how, name)
+        ]
+        if whole:
+            named = ", ".join("--na" if name == "missing" else f"--{name.replace('_', '-')}" for name in whole)
+            raise RecordError(f"{named} {'needs' if len(whole) == 1 else 'need'} the whole log: leave out --follow.")
+        self._format = how.time_format
+        if self._format is not None and "%" not in self._format:
+            raise RecordError(f"--time-format {self._format!r} needs the whole log: leave out --follow.")
         self.encoding = "utf-8" if text.name == "UTF-8" else how.encoding or "cp1252"
         self.dialect: Dialect = found
         rows = [found.fields(line) for line in text.text.split("\n")[found.first :] if line.strip()]
         rows = [row[: len(found.names)] for row in rows if len(row) >= len(found.names)]
-        if len(rows) < FEWEST_ROWS:
+        if len(rows) < (FEWEST_ROWS if how.time_format is None else 1):
             raise RecordError(f"{path} has too few rows to tell how it is written. Follow it once there are some.")
         frame = pd.DataFrame(rows, columns=list(found.names), dtype=object)
         frame.attrs["units"] = dict(found.units)
-        column = time(found.names)
+        column = time(frame)
         pair = None if column is None else date_and_clock(frame, column)
         self._joined = None if pair is None else tuple(found.names.index(name) for name in pair)
         self._time = None if column is None else found.names.index(column)
         self._in_utc = column is not None and BEHIND_TIMES.search(str(frame[column].iloc[0])) is not None
+        local = (
+            column is not None
+            and is_moment(str(frame[column].iloc[0]))
+            and not ZONED.search(str(frame[column].iloc[0]))
+        )
+        self._zone = zone_in_name(str(column)) if local else ""
         if self._in_utc:
             frame = frame.assign(**{str(column): frame[column].str.replace(BEHIND_TIMES, "", regex=True)})
         self._date = self._form_of(frame, column, pair, how)
 
+        self._refuse_other_reading(head, path, how, time)
+
     @staticmethod
     def _form_of(frame: pd.DataFrame, column: str | None, pair: tuple[str, str] | None, how: HowToRead) -> str | None:
-        if how.time_format is not None:
-            raise RecordError("--time-format needs the whole log: leave it out, or leave out --follow.")
-        if column is None:
+        if column is None or how.time_format is not None:
             return None
         numbers = is_number(str(frame[column].iloc[0])) and not unit_of_times(column, frame.attrs["units"])
         read = understood(frame[column]) if numbers else None
         if read is not None and read.times.dtype.kind == "M" and not read.unix:  # those of Unix are told row by row
             raise RecordError("Dates as such numbers need the whole log: leave out --follow.")
         return date_form(frame[column] if pair is None else frame[pair[0]] + " " + frame[pair[1]])
+
+    def _refuse_other_reading(
+        self, head: bytes, path: Path, how: HowToRead, time: Callable[[pd.DataFrame], str | None]
+    ) -> None:
+        """Raise RecordError where the first lines, one by one, have other times than the same lines as a whole log."""
+        lines = head.split(b"\n")
+        width = len(fields_of(self.header()))
+        rows = [line for line in lines[self.dialect.first :] if line.strip()]
+        good = [line for line in rows if len(fields_of(self.row(line))) == width]
+        if not good:
+            form = "" if self._format is None else f" with times as {self._format!r}"
+            raise RecordError(f"None of the first lines of {path} is a row{form}. Leave out --follow, or mend them.")
+        head = b"\n".join([*lines[: self.dialect.first], *good, b""])
+        whole = text_table(head, path, how)
+        each = text_table(self.header() + b"".join(map(self.row, good)), path, HowToRead())
+        column, own = time(whole.frame), time(each.frame)
+        if column is None and own is None:
+            return
+        with contextlib.suppress(RecordError, KeyError):
+            each = replace(each, frame=each.frame[[own]])  # nothing is joined with a time that comes alone
+            one = dates_once(with_times(whole, column, how).frame[str(column)])
+            other = dates_once(with_times(each, own, HowToRead()).frame[str(own)])
+            if one.dtype.kind == other.dtype.kind and (one.to_numpy() == other.to_numpy()).all():
+                return
+        raise RecordError(f"The times of {path} need the whole log: leave out --follow.")
 
     def header(self) -> bytes:
         """The line of names."""
@@ -100,10 +145,12 @@ class LineTranslator:
             if bare == cell:
                 raise ValueError(cell)
             return f"{self._local(bare.strip())}Z"
-        return self._local(cell)
+        return f"{self._local(cell)}{self._zone}"
 
     def _local(self, cell: str) -> str:
         """A date without a zone behind it."""
+        if self._format is not None:
+            return datetime.strptime(cell.strip(), self._format).isoformat()
         if self._date is None:
             return point_for_comma(cell)
         found = re.fullmatch(rf"(?P<date>.*?)(?:[T ,]+{CLOCK})?", cell.strip())
@@ -112,7 +159,8 @@ class LineTranslator:
         if found["clock"] is None:
             return day.isoformat()
         hours, minutes, *seconds = map(int, found["clock"].split(":"))
-        if hours > 23 or minutes > 59 or sum(seconds) > 60:
+        midnight = hours == 24 and minutes == sum(seconds) == 0
+        if (hours > 23 and not midnight) or minutes > 59 or sum(seconds) > 60:
             raise ValueError(cell)
         if found["half"]:
             hours = hours % 12 + 12 * found["half"].lower().startswith("p")

@@ -11,6 +11,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.types import kind_of
 from ..records.units import unit_of_text
+from .roles import reading_among
 from .values import IN_DOUBT, is_number, plain_cell
 
 _WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
@@ -34,7 +35,7 @@ SHAPES = (
 def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFrame, str]:
     """A frame with a column for each name, and what was done; as it came where it is not in such a form.
 
-    It has the times of the `reading`, or of the column with most values. Values of the other columns are taken as a
+    It has the times of the `reading`, or of the column with most values. Values of other columns are taken as a
     straight line in time between their own, as the temperature is; none between a value and a state that is no number.
     """
     shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None)
@@ -48,6 +49,20 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
     if times.isna().any():
         row = int(times.isna().to_numpy().argmax())
         raise RecordError(f"{frame[shape.time].iloc[row]!r} in {shape.time!r}, row {row}, is no date of ISO 8601.")
+    if not (times.notna() & values.notna()).any():
+        return frame, ""
+    result, lead = wide(times, names, values, reading)
+    return result, f"one line for each value: {len(result.columns) - 1} columns, on the times of {lead!r}"
+
+
+def wide(
+    times: pd.Series[Any], names: pd.Series[Any], values: pd.Series[Any], reading: str | None
+) -> tuple[pd.DataFrame, str]:
+    """A column for each name, and which of them has kept its own times; see `widened`.
+
+    `times` (Series of dates or spans), `names` (Series of str), `values` (Series of float): A row for each value.
+    `reading` (str, optional). Raises RecordError for two values of one name at one time.
+    """
     known = times.notna() & values.notna()
     twice = pd.DataFrame({"name": names, "time": times})[known].duplicated()
     if twice.any():
@@ -56,18 +71,16 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
             f"Several series are called {name!r}: they have values at the same times. Export one of them."
         )
     columns = {name: _series(times[names == name], values) for name in names[known].unique()}
-    if not columns:
-        return frame, ""
-    wanted = next((name for name in (reading, "reading") if name in columns), None)
-    lead = wanted or max(columns, key=lambda name: int(columns[name].count()))
+    wanted = (reading, "reading", reading_among(list(columns)))
+    own = next((name for name in wanted if name in columns), None)
+    lead = own or max(columns, key=lambda name: int(columns[name].count()))
     index: Any = columns[lead].dropna().index
-    wide = {name: on_times(series, index) for name, series in columns.items()}
-    result = pd.DataFrame({"time": index, **wide}).reset_index(drop=True)
-    return result, f"one line for each value: {len(columns)} columns, on the times of {lead!r}"
+    result = pd.DataFrame({"time": index, **{name: on_times(series, index) for name, series in columns.items()}})
+    return result.reset_index(drop=True), str(lead)
 
 
 def _series(times: pd.Series[Any], values: pd.Series[Any]) -> pd.Series[Any]:
-    series = pd.Series(values[times.index].to_numpy(float), index=pd.DatetimeIndex(times))
+    series = pd.Series(values[times.index].to_numpy(float), index=pd.Index(times))
     series = series[~series.index.duplicated(keep="last")]
     return series.sort_index()
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import RecordError
-from ..records.errors import existing_file, listing, quoted
+from ..records.errors import existing_file, listing, quoted, times_word
 from ..records.files import format_of, read_table
 from ..records.times import dates_once
 from ..records.types import kind_of
@@ -23,9 +23,11 @@ from ..records.units import unit_of
 from .containers import FEATHER, PACKED, SHEETS, feather, refuse_unread, spreadsheet, unpacked
 from .how import ForeignTable, HowToRead
 from .long_form import on_times
+from .roles import RUN, time_of
+from .sniffing import TOTALS
 from .text_tables import HEAD, first_lines, is_plain, text_table
-from .timed import time_column, with_times
-from .values import nearly_numbers
+from .timed import with_times
+from .values import nearly_numbers, without
 
 
 def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
@@ -38,17 +40,21 @@ def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
     ending = path.suffix.lower()
     refuse_unread(path)
     if format_of(path) is not None:
-        return ForeignTable(frame=read_table(path))
+        return (
+            _filled(ForeignTable(frame=read_table(path)), path, how)
+            if how.missing
+            else ForeignTable(frame=read_table(path))
+        )
     if ending in FEATHER:
-        return _filled(ForeignTable(frame=feather(path)), path)
+        return _filled(ForeignTable(frame=feather(path)), path, how)
     try:
         if ending in SHEETS:
-            return _filled(_from_cells(spreadsheet(path, how.sheet), path, how), path)
+            return _filled(_from_cells(spreadsheet(path, how.sheet), path, how), path, how)
         content, name = unpacked(path)
         said = (f"{name} in {path.name}",) if ending in PACKED else ()
         if ending in PACKED and format_of(name) is not None:
             raise RecordError(f"{path} holds {name}: unpack it, it is packed by itself.")
-        return _filled(text_table(content, path, how, said), path)
+        return _filled(text_table(content, path, how, said), path, how)
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
 
@@ -92,16 +98,33 @@ def _cell_text(cell: Any, day: bool) -> str:
     return repr(cell) if isinstance(cell, float) else str(cell)
 
 
-def _filled(table: ForeignTable, path: Path) -> ForeignTable:
+def _filled(table: ForeignTable, path: Path, how: HowToRead) -> ForeignTable:
     """A table with rows, and what is said of columns that are no numbers for a few cells."""
     if len(table.frame) == 0:
         raise RecordError(f"{path} has a header ({listing(table.frame.columns)}) but no rows.")
+    table = _without_totals(table)
+    if how.missing:
+        frame, said = without(table.frame, how.missing)
+        table = table.with_said(frame, *said)
     frame, said = nearly_numbers(table.frame)
     return table.with_said(frame, *said)
 
 
-RUN = "file"
-"""Column of the names of files, each a run."""
+def _without_totals(table: ForeignTable) -> ForeignTable:
+    """The table without the totals that a program wrote below its rows."""
+    frame, last = table.frame, 0
+    while last < len(frame) - 1 and str(frame.iloc[len(frame) - 1 - last, 0]).strip().lower() in TOTALS:
+        last += 1
+    if not last or (frame.iloc[: len(frame) - last, 0].astype("string").str.strip().str.lower().isin(TOTALS)).any():
+        return table
+    rows = frame.iloc[: len(frame) - last].copy()
+    for name in rows.columns:
+        numbers = pd.to_numeric(rows[name], errors="coerce") if kind_of(rows[name]) == "text" else None
+        if numbers is not None and numbers.notna().equals(rows[name].notna()):
+            rows[name] = numbers
+    return replace(table, first_line=None).with_said(rows, f"without {times_word(last, 'row')} of totals below")
+
+
 FOLLOWS = 10.0
 """Steps of a log after which, at most, the next file of the same logger begins."""
 
@@ -227,7 +250,7 @@ def _timed(path: str | Path, time: str | None, how: HowToRead) -> ForeignTable:
 
 def _time_name(frame: pd.DataFrame, time: str | None, how: HowToRead) -> str | None:
     """The column of times of one of several files, which need not all have the one that is named."""
-    return time_column(frame.columns, time if time in frame.columns else None, how)
+    return time if time in frame.columns else time_of(frame, how.no_times)
 
 
 def _index(frame: pd.DataFrame, column: str) -> Any:

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..records import RecordError
-from ..records.files import is_comment
+from ..records.errors import listing
+from ..records.files import RowError, is_comment
 from ..records.grammar import is_missing
 from ..records.units import unit_of_text
 from .values import GROUPED, IN_DOUBT, is_moment, is_number, is_unit, is_value, plain_cell
@@ -107,10 +108,14 @@ class Dialect:
     """The first line with a row."""
     comments: bool = False
     """Whether lines that begin with # are none of the table."""
+    headless: bool = False
+    """Whether there is no line of names: the user gave them, or they are numbers from 1 on."""
     spare: int = 0
     """Empty columns without a name behind the others."""
     dated: tuple[int, ...] = ()
     """Columns of dates or times of day, which may have points of their own."""
+    valued: tuple[int, ...] = ()
+    """Columns of numbers or dates."""
     grouped: bool = False
     """Whether there are signs between thousands."""
     remarks: bool = False
@@ -124,9 +129,11 @@ class Dialect:
     def said(self) -> list[str]:
         """What is unusual, in words."""
         words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
+        if self.headless:
+            words.append("no header: columns are 1, 2, ..., see --names" if self.names[0] == "1" else "no header")
         if self.decimal == ",":
             words.append("decimal comma")
-        if self.header:
+        if self.header and not self.headless:
             words.append(f"{self.header} line{'' if self.header == 1 else 's'} before the header")
         if self.units:
             words.append("units below the header")
@@ -158,7 +165,7 @@ class Dialect:
             try:
                 cells = self.row(line.removesuffix("\r"))
             except ValueError as error:
-                raise RecordError(f"line {number}: {error}") from None
+                raise RowError(f"line {number}: {error}") from None
             if cells is None:
                 out.write("\n")
             else:
@@ -181,6 +188,8 @@ class Dialect:
             cells = cells[: len(self.names)] if self.spare or self.remarks else cells
         if [cell.strip() for cell in cells] == list(self.names):  # the logger began anew
             return None
+        if cells[0].strip().lower() in TOTALS and 0 in self.valued:
+            return None
         return [self._plain_cell(cell, place) for place, cell in enumerate(cells)]
 
     def _plain_cell(self, cell: str, place: int) -> str:
@@ -197,8 +206,15 @@ class Dialect:
         """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
         if self.comments or self.spare or self.remarks or self.separator == BLANKS or '"' in rows:
             return False
+        if any(f"\n{word}" in rows[-2000:].lower() for word in TOTALS):
+            return False
         nothing = self.separator * (len(self.names) - 1)
-        if self.names[0] in rows or self.grouped or f"\n{nothing}\n" in rows or f"\n{nothing}\r" in rows:
+        if (
+            (self.names[0] and self.names[0] in rows)
+            or self.grouped
+            or f"\n{nothing}\n" in rows
+            or f"\n{nothing}\r" in rows
+        ):
             return False
         if self.decimal == ".":
             return "," not in rows
@@ -226,6 +242,11 @@ TYPED = 0.8
 """Share of the cells of a column, or of the columns of values in a row, that hold a value."""
 
 
+TOTALS = (
+    "total", "totals", "sum", "sums", "average", "avg", "mean", "min", "minimum", "max", "maximum", "std", "stdev",
+    "count", "summe", "mittelwert", "mittel", "gesamt", "moyenne", "somme", "promedio", "suma",
+)  # fmt: skip
+"""First cells, in small letters, of what programs write below the rows."""
 REMARKS = ("comment", "comments", "remark", "kommentar")
 """Names of a last column that rows need not have: LabVIEW's measurement files are written so."""
 
@@ -242,11 +263,14 @@ class Looked(NamedTuple):
     score: float
 
 
-def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | None = None) -> Dialect | None:
+def sniff(
+    lines: Sequence[str], separator: str | None = None, decimal: str | None = None, names: Sequence[str] = ()
+) -> Dialect | None:
     """The dialect of a file; None where its lines are no table.
 
-    `lines` (sequence of str): The first lines, `SAMPLE` of them or all. `separator`, `decimal` (str, optional): Where
-    the user says them. Raises RecordError where numbers have decimal points and decimal commas.
+    `lines` (sequence of str): The first lines, `SAMPLE` of them or all. `separator`, `decimal` (str, optional),
+    `names` (sequence of str): Where the user says them. Raises RecordError where numbers have decimal points and
+    decimal commas, and for another number of names than of columns.
     """
     if max(map(len, lines), default=0) > LONGEST:
         return None
@@ -257,25 +281,36 @@ def sniff(lines: Sequence[str], separator: str | None = None, decimal: str | Non
     looks.sort(key=lambda look: -look.score)  # the first of those that fit alike
     headed = ((look, _with_header(lines, look)) for look in looks)
     best, found = next(((look, dialect) for look, dialect in headed if dialect is not None), (looks[0], None))
+    if names or (found is None and best.score > TYPED):
+        found = _without_header(best, names, any(line.lstrip().startswith("#") for line in lines)) or found
     if found is None:
-        first = next((k for k, row in enumerate(best.rows) if row), 0)
-        if best.dialect.separator != "," and best.score > TYPED and _is_row(best.rows[first], best):
-            raise RecordError(
-                f"line {first + 1} is a row already, and no line above it has the columns' names. Put them there, "
-                "with the same separator"
-            )
         return None
     rows = [row for row in best.rows[found.first :] if len(row) == best.width]
     sign = decimal or _decimal(found, rows)
     grouped = any(GROUPED[sign].fullmatch(cell.strip()) for row in rows for cell in row)
     dated = tuple(j for j in range(best.width) if sum(is_moment(row[j]) for row in rows) >= TYPED * max(len(rows), 1))
-    return replace(found, decimal=sign, grouped=grouped, dated=dated)
+    valued = tuple(j for j, is_one in enumerate(best.values) if is_one)
+    return replace(found, decimal=sign, grouped=grouped, dated=dated, valued=valued)
+
+
+def _without_header(look: Looked, names: Sequence[str], comments: bool) -> Dialect | None:
+    """The dialect of rows without a line of names above them; None where the first line is no row."""
+    first = next((k for k, row in enumerate(look.rows) if row), None)
+    if first is None or not (_is_row(look.rows[first], look) or names):
+        return None
+    while names and first < len(look.rows) - 1 and not _is_row(look.rows[first], look):  # what the names replace
+        first += 1
+    if names and len(names) != look.width:
+        raise RecordError(f"--names has {len(names)} names ({listing(names)}), and the rows have {look.width} fields")
+    named = tuple(names) or tuple(str(k) for k in range(1, look.width + 1))
+    return replace(look.dialect, names=named, header=first, first=first, headless=True, comments=comments)
 
 
 def _looked_at(lines: Sequence[str], mark: str, decimal: str | None, forced: bool) -> Looked | None:
     dialect = Dialect(separator=mark)
     rows = [[] if not line.strip() or line.lstrip().startswith("#") else dialect.fields(line) for line in lines]
-    tail = [row for row in rows if row][-max(1, 2 * len(rows) // 3) :]
+    filled = [row for row in rows if row]
+    tail = filled[-max(1, 2 * len(filled) // 3) :]
     widths = Counter(map(len, tail))
     if not widths:
         return None
@@ -311,11 +346,12 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
             first += next(i for i in range(len(data)) if data[first + i] or i == 2)
         rest = range(first, len(data))
         against = sum(filled[i] and not data[i] and look.rows[i] != row for i in rest) + sum(data[:k])
-        candidates.append((against, -k, first, units))
+        empty = sum(not cell.strip() for cell in row)  # fewer names are a preamble, or what is below the units
+        candidates.append((against, empty, -k, first, units))
     comments = any(line.lstrip().startswith("#") for line in lines)
     if not candidates:
         return _with_commented_header(lines, look, data)
-    _, place, first, units = min(candidates)
+    _, _, place, first, units = min(candidates)
     above = next((k for k in range(-place) if data[k]), None)
     if above is not None:
         raise RecordError(
@@ -369,7 +405,7 @@ def _is_header(row: list[str], look: Looked) -> bool:
     if len(row) != look.width or sum(map(bool, map(str.strip, row))) < len(row) / 2:
         return False
     held = [cell.strip() for cell, is_one in zip(row, look.values, strict=True) if is_one]
-    return bool(held[0]) and any(cell and not is_number(cell) for cell in held) and not is_value(held[0])
+    return any(cell and not is_number(cell) for cell in held) and not any(is_value(cell) for cell in held if cell)
 
 
 def are_units(row: Sequence[str]) -> bool:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 
 from ..records import RecordError
-from ..records.files import LONGEST, csv_table
+from ..records.errors import quoted, times_word
+from ..records.files import LONGEST, RowError, csv_table
+from ..records.grammar import is_missing
 from .how import ForeignTable, HowToRead
 from .long_form import widened, without_units
+from .readers import reader_of
 from .sniffing import SAMPLE, Decoded, Dialect, decoded, sniff
+from .values import is_value
 
 HEAD = 1 << 16
 """Bytes of a file from which is told whether it is plain."""
@@ -24,6 +29,8 @@ def is_plain(head: bytes, how: HowToRead) -> bool:
     try:
         text, found = head_dialect(head, how)
     except RecordError:  # numbers with points and with commas
+        return False
+    if text is not None and reader_of(_lines(text.text)[:SAMPLE]) is not None:
         return False
     return text is None or (text.name == "UTF-8" and (found is None or found.is_plain) and b"\n" in head)
 
@@ -49,12 +56,26 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
     columns = max(header.count(mark) for mark in (b",", b";", b"\t", b"|"))
     if columns >= MOST_COLUMNS and len(header) <= LONGEST:  # a longer one is refused by the reader of plain CSV
         raise RecordError(f"{path} has more than {MOST_COLUMNS} columns in its first line. Is it a log?")
-    if is_plain(first_lines(content), how) and not _is_broken_up(content):
+    try:
+        return _table(content, path, how, said)
+    except RowError as error:
+        raise RecordError(
+            f"{str(error).removesuffix('.')}. Mend it, or pass over such lines with --skip-bad-rows."
+        ) from None
+
+
+def _table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]) -> ForeignTable:
+    head = first_lines(content)
+    if is_plain(head, how) and not _is_broken_up(content):
         frame = csv_table(content, path)
         line = _first_line(frame, content.count(b"\n"), 1)
         return _arranged(ForeignTable(frame=frame, said=said, first_line=line), how.reading)
     try:
         text, found = head_dialect(content, how)
+        own = None if text is None or how.separator or how.names else reader_of(_lines(text.text)[:SAMPLE])
+        if text is not None and own is not None:
+            frame, words = own.read(text.text.splitlines(), how.reading)
+            return ForeignTable(frame=frame, said=(*said, words))
     except RecordError as error:
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if text is None or found is None:  # the reader of plain CSV says what is wrong
@@ -63,7 +84,46 @@ def text_table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]
         )
     if text.name != "UTF-8" or how.encoding is not None:
         said = (*said, f"{text.name}{'' if text.doubt is None else ', as far as one can tell'}")
-    return _translated(text.text, found, path, said, how.reading)
+    rows, words = _good_rows(text.text, found) if how.skip_bad_rows else (text.text, "")
+    return _translated(rows, found, path, (*said, *filter(None, [words])), how.reading)
+
+
+NAMED = 3
+"""Lines that are passed over and named; others are counted."""
+
+
+def _good_rows(text: str, found: Dialect) -> tuple[str, str]:
+    """The text with an empty line in place of each that is no row, and in words which these are."""
+    lines = text.split("\n")
+    bad = [k for k in range(found.first, len(lines)) if not _is_good(lines[k].removesuffix("\r"), found)]
+    for k in bad:
+        cells = [cell.strip() for cell in found.fields(lines[k].removesuffix("\r"))]
+        if len(cells) == len(found.names) and not any(is_missing(one) or is_value(one) for one in cells):
+            raise RecordError(f"line {k + 1} is another header ({quoted(lines[k])}): split the file there.")
+    if not bad:
+        return text, ""
+    shown = ", ".join(f"{k + 1} ({quoted(lines[k])})" for k in bad[:NAMED])
+    for k in bad:
+        lines[k] = ""
+    more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
+    return "\n".join(lines), f"{times_word(len(bad), 'line')} passed over: line{'s' * (len(bad) > 1)} {shown}{more}"
+
+
+def _is_good(line: str, found: Dialect) -> bool:
+    """Whether a line is a row, a comment or empty: as many cells as columns, and values where others have values."""
+    try:
+        cells = found.row(line)
+    except ValueError:
+        return False
+    if cells is None:
+        return True
+    held = [cells[j] for j in found.valued if j < len(cells)]
+    whole = len(cells) == len(found.names) and not _DAMAGED.search(line)
+    return whole and all(is_missing(cell) or is_value(cell, ".") for cell in held)
+
+
+_DAMAGED = re.compile("[\x00-\x08\x0b-\x1f\ufffd]")
+"""Control characters, and what stands for bytes that are no text."""
 
 
 def _is_broken_up(content: bytes) -> bool:
@@ -82,11 +142,13 @@ def _is_broken_up(content: bytes) -> bool:
 def head_dialect(content: bytes, how: HowToRead) -> tuple[Decoded | None, Dialect | None]:
     """The text of a file and its dialect; no text for one that is damaged UTF-8."""
     text = decoded(content, how.encoding)
+    if how.skip_bad_rows and (text is None or text.doubt is not None):
+        text = Decoded(content.decode("utf-8", "replace"), "UTF-8")
     if text is None:
         return None, None
     if "\n" not in text.text:
         text = text._replace(text=text.text.replace("\r", "\n"))
-    found = sniff(_lines(text.text)[:SAMPLE], how.separator, how.decimal)
+    found = sniff(_lines(text.text)[:SAMPLE], how.separator, how.decimal, how.names)
     if text.doubt is not None:
         header = 0 if found is None else found.first
         if text.text.count("\n", 0, text.doubt) >= header:  # a byte in a row, and none in the header: it is damaged
@@ -107,12 +169,13 @@ def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], re
     try:
         rows = replace(found, comments=found.comments or "\n#" in text).plain(text)
     except RecordError as error:
-        raise RecordError(f"{path} cannot be read as a table: {error}") from None
+        raise type(error)(f"{path} cannot be read as a table: {error}") from None
     frame = csv_table(rows.encode(), path, list(found.names), found.first + 1)
     if found.units:
         frame.attrs["units"] = dict(found.units)
     line = _first_line(frame, text.count("\n"), found.first)
-    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said()), first_line=line), reading)
+    form = {"separator": found.separator, "decimal": found.decimal}
+    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said()), first_line=line, form=form), reading)
 
 
 def _first_line(frame: pd.DataFrame, n_lines: int, before: int) -> int | None:

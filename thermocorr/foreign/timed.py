@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..records import RecordError
-from ..records.errors import quoted
-from ..records.files import TIME_NAMES, require_column
+from ..records.errors import quoted, times_word
 from ..records.times import dates_once, steps_back_an_hour, summer_time_text
 from ..records.types import kind_of
 from ..records.units import name_and_unit, unit_of
-from .clocks import SPANS, Understood, understood
+from .clocks import SPANS, Understood, clocks_of_digits, understood
 from .how import ForeignTable, HowToRead
+from .roles import zone_in_name
 from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
 UNITS_IN_NAMES = {
-    "ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "min": "min", "mins": "min",
-    "minute": "min", "minutes": "min", "minuten": "min", "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h",
-    "stunden": "h", "heures": "h", "horas": "h", "d": "d", "days": "d", "tage": "d", "jours": "d", "dias": "d",
+    word: unit
+    for unit, words in {
+        "ms": "ms msec msecs millis millisecond milliseconds millisekunden", "ns": "ns nanoseconds",
+        "us": "us usec micros microseconds", "min": "min mins mn minute minutes minuten minutos",
+        "h": "h hr hrs hh hour hours stunden std heures horas", "d": "d day days tage jours dias",
+        "s": "s sec secs second seconds sekunden secondes segundos",
+    }.items()
+    for word in words.split()
 }  # fmt: skip
 """Last word of the name of a column of times, in small letters -> their unit; another column's may mean anything."""
 CLOCKS = ("time", "clock", "zeit", "uhrzeit", "time of day", "heure", "hora")
@@ -39,40 +45,88 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     those that cannot be read.
     """
     if column is None:
-        if how.time_format or how.timezone or how.sort:
-            raise RecordError("--time-format, --timezone and --sort are for a column of times. Name it with --time.")
+        if how.time_format or how.timezone or how.sort or how.drop_duplicates:
+            raise RecordError(
+                "--time-format, --timezone, --sort and --drop-duplicates are for a column of times: name it with "
+                "--time."
+            )
         return table
     frame, words = _joined(table.frame, column)
     read = in_seconds(frame, column) if how.names_times() else None
     read = read or understood(frame[column], how.time_format, how.timezone)
+    read = read if how.timezone else _in_named_zone(read, column)
+    frame, read = _with_fraction(frame, read, column)
+    if read.form:
+        table = replace(table, form={**table.form, "time_format": read.form})
     if read.times is not frame[column]:
         by_size = read.unix and how.names_times()
         as_came = frame[column] if by_size or kind_of(read.times) in ("number", "span") else None
         table, frame = replace(table, as_came=as_came), frame.assign(**{column: read.times})
     table = table.with_said(frame, words, read.said)
-    return _sorted(table, column) if how.sort else table
+    table = _sorted(table, column) if how.sort else table
+    return _once_each(table, column, how.run) if how.drop_duplicates else table
 
 
-def time_column(names: Iterable[Any], named: str | None, how: HowToRead) -> str | None:
-    """The column of times: as named, or called like one and nothing else by the user; None where there is none."""
-    try:
-        return require_column(names, named, "time", TIME_NAMES, how.no_times)
-    except RecordError:
-        return None
+FRACTIONS = {"fractional seconds": 1.0, "fraction": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3, "milliseconds": 1e-3}
+"""Names of columns of parts of a second, in small letters, and what one is [s]."""
+
+
+def _with_fraction(frame: pd.DataFrame, read: Understood, column: str) -> tuple[pd.DataFrame, Understood]:
+    """Dates to the second with the fractions that stand in a column of their own."""
+    name = next((n for n in frame.columns if _plain_name(n) in FRACTIONS and n != column), None)
+    times = None if name is None else dates_once(read.times)
+    if times is None or kind_of(times) not in ("date", "span") or kind_of(frame[name]) != "number":
+        return frame, read
+    part = frame[name].astype(float) * FRACTIONS[_plain_name(name)]
+    whole = times.dt.nanosecond if kind_of(times) == "span" else times.dt.microsecond
+    if not part.between(0, 1, inclusive="left").all() or (whole != 0).any() or part.nunique() < 2:
+        return frame, read
+    added = times + pd.to_timedelta((part * 1e9).round(), unit="ns")
+    return frame.drop(columns=[name]), Understood(added, ", ".join(filter(None, (read.said, f"with {quoted(name)}"))))
+
+
+def _once_each(table: ForeignTable, column: str, run: str | None) -> ForeignTable:
+    """The log without rows whose time stands in a row before, of the same run."""
+    keys = pd.DataFrame({"time": dates_once(table.frame[column]), "run": table.frame[run] if run else 0})
+    again = keys.duplicated().to_numpy()
+    if not again.any():
+        return table
+    came = table.as_came
+    table = replace(table, first_line=None, as_came=None if came is None else came[~again].reset_index(drop=True))
+    words = f"{times_word(int(again.sum()), 'row')} with the time of one before left out"
+    return table.with_said(table.frame[~again].reset_index(drop=True), words)
+
+
+def _in_named_zone(read: Understood, column: str) -> Understood:
+    """Dates without a zone in the one that the name of their column gives, as UTC."""
+    zone = zone_in_name(column)
+    times = dates_once(read.times) if zone else read.times
+    if not zone or not pd.api.types.is_datetime64_dtype(times.dtype):
+        return read
+    offset = pd.Timedelta(f"{zone[1:]}:00") * (-1 if zone[0] == "-" else 1)
+    words = f"times of UTC{'' if zone == '+00:00' else zone}"
+    return Understood((times - offset).dt.tz_localize("UTC"), ", ".join(filter(None, (read.said, words))))
 
 
 def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
     """Times that are numbers of a unit that the file names, other than seconds; None for any others.
 
-    Raises RecordError for dates and times of day that are whole numbers in two columns.
+    Raises RecordError for a unit that is not known, and for numbers beside a column of dates.
     """
     if kind_of(frame[column]) != "number":
         return None
-    dates = [name for name in frame.columns if _plain_name(name) in DATES and name != column]
-    if _plain_name(column) in CLOCKS and any(_is_yyyymmdd(frame[name]) for name in dates):
+    said = _said_unit(column, frame.attrs.get("units", {}))
+    if said and said not in SPANS and said.lower() not in UNITS_IN_NAMES and _unit_in_name(column) == "":
         raise RecordError(
-            f"{quoted(dates[0])} and {quoted(column)} look like a date and a time of day in whole numbers. Write them "
-            "in one column, as 2024-05-31T14:00:00, or say --time-format for one that has both."
+            f"{quoted(column)} has numbers, and {said!r} is no unit of time that is known. Say what they are with "
+            "--time-format, such as --time-format seconds."
+        )
+    dates = next((n for n in frame.columns if n != column and _plain_name(n) in DATES and _is_date(frame[n])), None)
+    if dates is not None:
+        raise RecordError(
+            f"{quoted(dates)} has dates, and {quoted(column)} numbers that are no times of day such as 2340. Write "
+            f"both in one column, as 2024-05-31T14:00:00, or say --time {shlex.quote(str(dates))} or --time-format "
+            "seconds."
         )
     unit = unit_of_times(column, frame.attrs.get("units", {}))
     return Understood(frame[column].astype(float) * SPANS[unit], f"times in {unit}") if unit else None
@@ -84,29 +138,86 @@ def unit_of_times(column: str, units: Mapping[str, str]) -> str:
     `column` (str): Name of the times, which may end with their unit: ``time_ms``, ``elapsed hours``, ``Stunden``.
     `units` (mapping): Units that the file gives elsewhere, by names of columns.
     """
-    unit = units.get(column) or unit_of(column, None) or _unit_in_name(column)
+    said = _said_unit(column, units)
+    unit = said if said in SPANS else UNITS_IN_NAMES.get(said.lower().rstrip(".")) or _unit_in_name(column)
     return unit if unit in SPANS and unit != "s" else ""
+
+
+def _said_unit(column: str, units: Mapping[str, str]) -> str:
+    """What stands where a unit of the times does: below the name, or in brackets at its end; no zone, and no form."""
+    inside = re.fullmatch(r".*[\[(<]([^\[\]()<>]*)[\])>]\s*", column)
+    said = units.get(column) or unit_of(column, None) or (inside[1].strip() if inside else "")
+    return "" if _NO_UNIT.search(said) else said
+
+
+_NO_UNIT = re.compile(r"UTC|GMT|local|[A-Z]{3,4}$|[dDmMyYhHsS]+[-/.: ][dDmMyYhHsS]|hhmm|^TS$|^[A-Z][a-z]+/[A-Z]")
+"""What brackets behind the name of times may say beside a unit: a zone, or how they are written."""
 
 
 def _unit_in_name(column: str) -> str:
     """The unit of time that a name ends with in a word; "" for none."""
-    return UNITS_IN_NAMES.get(re.split(r"[\s_.(\[/]+", _plain_name(column))[-1], "")
-
-
-def _is_yyyymmdd(values: pd.Series[Any]) -> bool:
-    return kind_of(values) == "number" and bool(values.between(19_700_101, 21_001_231).all())
+    words = [word for word in re.split(r"[\s_.(\[/]+", _plain_name(column)) if word]
+    return UNITS_IN_NAMES.get(words[-1], "") if words else ""
 
 
 def _joined(frame: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:
-    """Dates in one column and times of day in another become one, under the name of the times."""
-    pair = date_and_clock(frame, column)
+    """Dates, times of day and halves of the day in columns of their own become one, under the name of the times."""
+    parted = _with_half(_in_text(frame, column), column)
+    pair = date_and_clock(parted.frame, column)
     if pair is None:
-        return frame, ""
+        if parted.half is None:
+            return frame, ""
+        return parted.frame.drop(columns=[parted.half]), f"{quoted(column)} and {quoted(parted.half)} joined"
     dates, clocks = pair
-    together = frame[dates].astype("string").str.strip() + " " + frame[clocks].astype("string").str.strip()
-    other = clocks if dates == column else dates
-    rest = frame.drop(columns=[other]).assign(**{column: together.astype(object)})
-    return rest, f"{quoted(dates)} and {quoted(clocks)} joined"
+    cells = [parted.frame[name].astype("string").str.strip() for name in pair]
+    other = [name for name in (dates, clocks, parted.half) if name not in (column, None)]
+    rest = frame.drop(columns=other).assign(**{column: (cells[0] + " " + cells[1]).astype(object)})
+    half = "" if parted.half is None else f" and {quoted(parted.half)}"
+    return rest, f"{quoted(dates)}{',' if half else ' and'} {quoted(clocks)}{half} joined"
+
+
+class _Parted(NamedTuple):
+    frame: pd.DataFrame
+    half: str | None = None
+    """The column that says AM or PM."""
+
+
+def _in_text(frame: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The frame with dates such as 20240531 and times of day such as 2340, side by side in numbers, as text."""
+    dates = next((n for n in frame.columns if _plain_name(n) in DATES and (n == column or _is_date(frame[n]))), None)
+    clocks = next((n for n in frame.columns if _plain_name(n) in (*CLOCKS, "hhmm") and n != dates), None)
+    if dates is None or clocks is None or column not in (dates, clocks) or kind_of(frame[clocks]) != "number":
+        return frame
+    shown = clocks_of_digits(frame[clocks])
+    if shown is None or not _is_date(frame[dates]):
+        return frame
+    if kind_of(frame[dates]) == "number":
+        days = frame[dates].astype("int64").astype("string")
+        frame = frame.assign(**{dates: (days.str[:4] + "-" + days.str[4:6] + "-" + days.str[6:]).astype(object)})
+    return frame.assign(**{clocks: shown})
+
+
+def _is_date(values: pd.Series[Any]) -> bool:
+    """Whether a column has dates, in text or as numbers such as 20240531."""
+    if kind_of(values) == "number":
+        return bool(values.between(19_700_101, 21_001_231).all())
+    return kind_of(values) == "text" and is_moment(first_cell(values))
+
+
+def _with_half(frame: pd.DataFrame, column: str) -> _Parted:
+    """The frame with AM and PM, of a column of their own, behind the times of day that need them."""
+    half = next((name for name in frame.columns if kind_of(frame[name]) == "text" and _is_half(frame[name])), None)
+    pair = date_and_clock(frame, column) or (column, column)
+    clocks = frame[pair[1]]
+    hours = clocks.astype("string").str.extract(r"(\d{1,2}):\d\d")[0] if half and kind_of(clocks) == "text" else None
+    if half is None or hours is None or hours.isna().any() or (hours.astype(int) > 12).any():
+        return _Parted(frame)
+    text = clocks.astype("string").str.strip() + " " + frame[half].astype("string").str.strip()
+    return _Parted(frame.assign(**{pair[1]: text.astype(object)}), str(half))
+
+
+def _is_half(values: pd.Series[Any]) -> bool:
+    return len(values) > 0 and bool(values.astype("string").str.strip().str.fullmatch(r"[AaPp]\.?[Mm]\.?").fillna(False).all())
 
 
 def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
@@ -117,11 +228,20 @@ def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
     if not is_moment(cell):
         return None
     clock_only, date_only = ":" in cell and not _has_date(cell), ":" not in cell
-    wanted = DATES if clock_only else CLOCKS if date_only else ()
-    other = next((name for name in frame.columns if _plain_name(name) in wanted and name != column), None)
-    if other is None or kind_of(frame[other]) != "text" or not is_moment(first_cell(frame[other])):
+    if not (clock_only or date_only):
+        return None
+    wanted = DATES if clock_only else CLOCKS
+    fits = [name for name in frame.columns if name != column and _is_part(frame[name], ":" if date_only else "")]
+    other = next((name for name in fits if _plain_name(name) in wanted), fits[0] if len(fits) == 1 else None)
+    if other is None:
         return None
     return (str(other), column) if clock_only else (column, str(other))
+
+
+def _is_part(values: pd.Series[Any], mark: str) -> bool:
+    """Whether a column has times of day alone (`mark` ":"), or dates alone ("")."""
+    cell = first_cell(values) if kind_of(values) == "text" else ""
+    return is_moment(cell) and ((":" in cell and not _has_date(cell)) if mark else ":" not in cell)
 
 
 def _has_date(cell: str) -> bool:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..records import RecordError
 from ..records.errors import quoted, times_word
 from ..records.grammar import MINUS, is_missing, says_no_value
 from ..records.types import kind_of
@@ -21,12 +22,47 @@ SOME = 10_000
 """Cells of a column, at random, that tell whether it is worth looking at all of them."""
 
 
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+
+
+def without(frame: pd.DataFrame, missing: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
+    """The frame without the words and numbers that say that there is no value, and how many these were.
+
+    Raises RecordError for one that stands nowhere.
+    """
+    columns: dict[str, Any] = {}
+    counts = dict.fromkeys(missing, 0)
+    for name in frame.columns:
+        kind = kind_of(frame[name])
+        if kind not in ("text", "number"):
+            continue
+        gone = np.zeros(len(frame), bool)
+        for word in missing:
+            same = frame[name].astype("string").str.strip() == word.strip() if kind == "text" else None
+            if kind == "number" and is_number(word):
+                same = frame[name] == float(word.translate(MINUS))
+            if same is not None:
+                gone |= same.fillna(False).to_numpy(bool)
+                counts[word] += int(same.sum())
+        if gone.any():
+            kept = frame[name].where(~gone)
+            numbers = pd.to_numeric(kept, errors="coerce")
+            columns[str(name)] = numbers if numbers.notna().equals(kept.notna()) else kept
+    nowhere = next((word for word, count in counts.items() if not count), None)
+    if nowhere is not None:
+        raise RecordError(f"--na {nowhere!r} stands in no cell of the log.")
+    said = [f"{times_word(count, 'cell')} {word!r} without a value" for word, count in counts.items()]
+    return (frame.assign(**columns) if columns else frame), said
+
+
 def nearly_numbers(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The frame with numbers in columns of numbers, and what is said of their other cells.
 
-    A word for no value becomes none. A column with any other word stays as it is: it is no column of numbers.
+    A word for no value becomes none. A column with any other word stays as it is, and ``attrs["words"]`` has one of its
+    words: it is no column of numbers until somebody says that these are no values.
     """
     columns, said = {}, []
+    odd: dict[str, str] = {}
     for name in frame.columns:
         if kind_of(frame[name]) != "text":
             continue
@@ -34,22 +70,29 @@ def nearly_numbers(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         some = some.sample(min(len(some), SOME), random_state=np.random.default_rng(0))
         if not len(some) or np.isfinite(_numbers(some)).mean() < NEARLY / 2:  # far from it: dates, words
             continue
-        numbers = _numbers(frame[name])
+        numbers = _numbers(frame[name]).copy()
+        infinite = np.flatnonzero(np.isinf(numbers))
+        numbers[[row for row in infinite if _INFINITE.fullmatch(str(frame[name].iloc[row]).strip())]] = np.nan
         others: Any = frame[name][np.isnan(numbers) & frame[name].notna().to_numpy()]
         if len(others) > (1 - NEARLY) * frame[name].notna().sum() or np.isinf(numbers).any():
             continue
-        words = Counter(others[[not says_no_value(str(cell)) for cell in others]])
+        none = [says_no_value(str(cell)) or bool(_INFINITE.fullmatch(str(cell).strip())) for cell in others]
+        words = Counter(others[[not is_one for is_one in none]])
         if words:
             cells = times_word(sum(words.values()), "cell")
+            odd[str(name)] = str(next(iter(words)))
             said.append(f"{quoted(name)} as text, for {cells} without a number, such as {next(iter(words))!r}")
             continue
-        if pd.to_numeric(frame[name], errors="coerce").notna().equals(frame[name].notna()):
+        if not len(infinite) and pd.to_numeric(frame[name], errors="coerce").notna().equals(frame[name].notna()):
             continue  # numbers as text, which the reader had a reason for
         columns[name] = numbers
         if len(others):
             cells = times_word(len(others), "cell")
             said.append(f"{cells} of {quoted(name)} without a value, such as {others.iloc[0]!r}")
-    return (frame.assign(**columns) if columns else frame), said
+    frame = frame.assign(**columns) if columns else frame
+    if odd:
+        frame.attrs["words"] = odd
+    return frame, said
 
 
 def _numbers(cells: pd.Series[Any]) -> np.ndarray:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -13,34 +12,32 @@ import pandas as pd
 
 from ..effects import LaggedCovariate
 from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
-from ..foreign import RUN
+from ..foreign import guess
+from ..foreign.roles import is_counter
 from ..records import RecordError
 from ..records.errors import listing, quoted
-from ..records.files import TIME_NAMES
-from ..records.types import kind_of
-from ..records.units import DEGREES, TEMPERATURES, name_and_unit, unit_of
 
-READINGS = re.compile(
-    r"reading|measur|messwert|anzeige|spannung|widerstand|voltage|volt|resist|value|output|frequency|freq|weight|load|force|strain|tilt|mass|^u$|^v$|^r$",
-    re.IGNORECASE,
-)
-"""Names that readings go by."""
-RUNS = ("run", "run_id", "run id", RUN)
-"""Names, in small letters, that labels of runs go by; several files are such runs."""
+ROLES = ("reading", "temperature", "reference", "time", "run")
+"""What a column may be; else it is ignored, or a suspect."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
-    """What the columns of a log are; a column with no role here is under suspicion."""
+    """What the columns of a log are; a column with no role here is under suspicion.
+
+    A thermometer that is compared with a reference may be both, the temperature and the reading.
+    """
 
     temperature: str
     reading: str
+    reference: str | None = None
     time: str | None = None
     run: str | None = None
     ignored: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        taken = [name for name in (self.temperature, self.reading, self.time, self.run) if name is not None]
+        own = () if self.reference and self.temperature == self.reading else (self.temperature,)
+        taken = [name for name in (*own, self.reading, self.reference, self.time, self.run) if name is not None]
         twice = next((name for name in taken if taken.count(name) > 1), None)
         if twice is not None:
             raise RecordError(
@@ -51,8 +48,8 @@ class Roles:
             raise RecordError(f"The column {quoted(lost)} is used by the model and cannot be ignored as well.")
 
     def of(self, column: str) -> str:
-        """The role of a column: temperature, reading, time, run, ignored or suspect."""
-        for role in ("temperature", "reading", "time", "run"):
+        """The role of a column: reading, temperature, reference, time, run, ignored or suspect."""
+        for role in ROLES:
             if getattr(self, role) == column:
                 return role
         return "ignored" if column in self.ignored else "suspect"
@@ -60,78 +57,25 @@ class Roles:
     def check(self, columns: Iterable[str]) -> None:
         """Raise RecordError for a role of a column that is not there."""
         columns = list(columns)
-        for name in (self.temperature, self.reading, self.time, self.run, *self.ignored):
+        for name in (*(getattr(self, role) for role in ROLES), *self.ignored):
             if name is not None and name not in columns:
                 raise RecordError(f"There is no column {quoted(name)}. The log has: {listing(columns)}.")
 
 
-def guessed(frame: pd.DataFrame, **known: str | None) -> Roles | None:
-    """Roles from names and units, those that are given as they are; None where a person must choose.
-
-    `frame` (DataFrame). `known` (temperature, reading, time, run: str): Columns whose role the user knows.
-    """
-    found = guessed_parts(frame, **known)
-    temperature, reading = found["temperature"], found["reading"]
-    if temperature is None or reading is None:
+def guessed(frame: pd.DataFrame, **known: Any) -> Roles | None:
+    """Roles of the columns of a log, see `guess`; None where a person must choose."""
+    found = guess(frame, **known)
+    if found.temperature is None or found.reading is None:
         return None
-    return Roles(temperature=temperature, reading=reading, time=found["time"], run=found["run"])
-
-
-def guessed_parts(
-    frame: pd.DataFrame,
-    *,
-    temperature: str | None = None,
-    reading: str | None = None,
-    time: str | None = None,
-    run: str | None = None,
-) -> dict[str, str | None]:
-    """What `guessed` finds, by role; None for what a person must choose."""
-    time = guessed_time(frame, (temperature, reading, run)) if time is None else time
-    run = guessed_run(frame, reading) if run is None else run
-    numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" and str(c) not in (time, run)]
-    if temperature is None:
-        temperature = _temperature([name for name in numbers if name != reading], frame)
-    if reading is None:
-        reading = _reading([name for name in numbers if name != temperature], frame)
-    return {"temperature": temperature, "reading": reading, "time": time, "run": run}
-
-
-def guessed_time(frame: pd.DataFrame, taken: Collection[str | None] = ()) -> str | None:
-    """The column of times, by its name or by what is in it; None where there is none, or the index has them.
-
-    Columns that are `taken` are known to be something else.
-    """
-    if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex):
-        return None
-    names = [name for name in frame.columns if str(name) not in taken]
-    by_name = {str(name).strip().lower(): str(name) for name in reversed(names)}
-    time = next((by_name[name] for name in TIME_NAMES if name in by_name), None)
-    return time or next((str(c) for c in names if kind_of(frame[c]) in ("date", "span")), None)
-
-
-def guessed_run(frame: pd.DataFrame, reading: str | None = None) -> str | None:
-    """The column of labels of runs, by its name; None where there is none."""
-    return next((str(c) for c in frame.columns if str(c).strip().lower() in RUNS and str(c) != reading), None)
-
-
-def _temperature(names: list[str], frame: pd.DataFrame) -> str | None:
-    plain = {name: name_and_unit(name)[0].strip() for name in names}
-    exact = [name for name in names if plain[name].lower() in ("temperature", "ambient_temperature", "temperatur")]
-    degrees = [name for name in names if unit_of(name, frame) in DEGREES]
-    called = [name for name in names if TEMPERATURES.search(plain[name])]
-    return next(iter([*exact, *degrees, *called]), None)
-
-
-def _reading(names: list[str], frame: pd.DataFrame) -> str | None:
-    """The column that is called a reading; else the only one that could be."""
-    plain = {name: name_and_unit(name)[0].strip() for name in names}
-    exact = [name for name in names if plain[name].lower() == "reading"]
-    called = [name for name in names if READINGS.search(plain[name])]
-    others = [name for name in names if unit_of(name, frame) not in DEGREES and not TEMPERATURES.search(plain[name])]
-    for found in (exact, called, others):
-        if len(found) == 1:
-            return found[0]
-    return None
+    counters = (name for name in frame.columns if is_counter(frame[name]) and name not in found)
+    return Roles(
+        temperature=found.temperature,
+        reading=found.reading,
+        reference=known.get("reference"),
+        time=found.time,
+        run=found.run,
+        ignored=tuple(map(str, counters)),
+    )
 
 
 Stretch = tuple[int, int]
@@ -240,7 +184,8 @@ class Columns:
 
     def sentence(self) -> str:
         """Sentence that describes this step."""
-        return f"{self.roles.reading} over {self.roles.temperature}"
+        against = "" if self.roles.reference is None else f" against {self.roles.reference}"
+        return f"{self.roles.reading}{against} over {self.roles.temperature}"
 
     def node(self) -> dict[str, Any]:
         """The step as a session file has it."""
@@ -343,7 +288,7 @@ def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Ac
         raise ModelFileError(f"{where} is no step of a session")
     kind = text(node.get("do"), f"{where}.do")
     if kind == "columns":
-        return Columns(roles_of(fields(node, where, ("do", "temperature", "reading", "time", "run", "ignored")), where))
+        return Columns(roles_of(fields(node, where, ("do", *ROLES, "ignored")), where))
     if kind == "shape":
         return shape_of(fields(node, where, ("do", "time_constants", "degree", "products")), where)
     if kind == "add":
@@ -374,7 +319,9 @@ def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Ac
 def roles_of(node: dict[str, Any], where: str) -> Roles:
     """Roles from JSON."""
     named = {key: text(node[key], f"{where}.{key}") for key in ("temperature", "reading")}
-    maybe = {key: None if node[key] is None else text(node[key], f"{where}.{key}") for key in ("time", "run")}
+    maybe = {
+        key: None if node[key] is None else text(node[key], f"{where}.{key}") for key in ("reference", "time", "run")
+    }
     ignored = tuple(text(name, f"{where}.ignored[{i}]") for i, name in enumerate(items(node["ignored"], where)))
     return Roles(temperature=named["temperature"], reading=named["reading"], ignored=ignored, **maybe)
 

@@ -24,6 +24,7 @@ from ..pages.charts import Chart
 from .acts import (
     MARKS,
     MOST_SPIKES,
+    ROLES,
     Act,
     Add,
     AddedEffect,
@@ -161,9 +162,7 @@ class Bench:
         self.past, self.problem = self.past.followed_by(acts), ""
 
     def _columns(self, asked: dict[str, Any]) -> None:
-        roles = roles_of(
-            fields(asked, "columns", ("do", "temperature", "reading", "time", "run", "ignored")), "columns"
-        )
+        roles = roles_of(fields(asked, "columns", ("do", *ROLES, "ignored")), "columns")
         roles.check(self.source.frame.columns)
         others = [act for act in self.acts if not isinstance(act, Columns)]
         self._become((Columns(roles), *others))

@@ -83,7 +83,8 @@ def data_of(source: ReadLog, arrangement: Arrangement) -> Data:
     log, said = source.timed(roles.time)
     y = log[roles.reading]
     y.attrs = dict(log.attrs)
-    X = log.drop(columns=[roles.reading, *(name for name in roles.ignored if name in log.columns)])
+    own = [] if roles.reading == roles.temperature else [roles.reading]
+    X = log.drop(columns=[*own, *(name for name in roles.ignored if name in log.columns)])
     if kind_of(y) != "number":
         raise RecordError(f"The column {roles.reading!r} holds no numbers, so it cannot be the reading.")
     if arrangement.spikes:
@@ -126,6 +127,7 @@ def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegr
     model: DynamicBiasRegressor = clone(base)
     return model.set_params(
         temperature=roles.temperature,
+        reference=roles.reference,
         time_constants=list(given) if isinstance(given, tuple) else given,
         degree=settings.degree,
         products=settings.products,
@@ -174,16 +176,15 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     found: dict[str, list[np.ndarray]] = {}
     begins, count, last = [], 0, -1
     for part in walked.parts():
-        modelled = part.contributions.sum(axis=1) + model.intercept_
         values = {
             "place": part.seconds + line.shifts[part.segment],
             "seconds": part.seconds,
             "row": np.asarray(np.arange(len(data.y))[part.rows], float),
             "temperature": part.temperature,
             "reading": part.measured,
-            "model": modelled,
+            "model": part.modelled,
             "corrected": walked.corrected(part),
-            "residual": part.measured - modelled,
+            "residual": part.measured - part.modelled,
         }
         values |= {f"{EFFECT}{label}": part.contributions[:, k] for k, label in enumerate(labels)}
         if levels is not None:

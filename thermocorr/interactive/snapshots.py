@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 
 from ..effects.thermal import column_text
 from ..estimators.tables import VERDICTS
+from ..foreign import guess
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
 from ..pages.chapters import HELPS, Scales, parameters_text
@@ -29,7 +31,7 @@ from ..records.errors import printable
 from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
-from .acts import MARKS, Add, Columns, Mark, Roles, guessed_parts
+from .acts import MARKS, Add, Columns, Mark, Roles
 from .bench import Bench
 from .learning import COLUMN, EFFECT, LESS_LEVEL, Fitted, axis_of, fall, figure, gain, share
 from .source import SAMPLES
@@ -48,6 +50,7 @@ def snapshot(bench: Bench) -> dict[str, Any]:
     found = bench.current
     roles = bench.arrangement().roles
     frame = bench.source.frame
+    role_of = _role_of(roles, frame)
     shape = bench.arrangement().settings
     return {
         "source": {"name": printable(bench.source.name), "rows": len(frame), "said": _said(bench, found)},
@@ -57,7 +60,7 @@ def snapshot(bench: Bench) -> dict[str, Any]:
                 "shown": printable(name),
                 "unit": unit_text(unit_of(name, frame)),
                 "kind": kind_of(frame[name]),
-                "role": _role(str(name), roles, bench.source.frame),
+                "role": role_of(str(name)),
                 "joined": found is not None and roles is not None and _is_joined(str(name), found),
                 "missing": int(frame[name].isna().sum()),
             }
@@ -100,12 +103,13 @@ def _raw(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return shown
 
 
-def _role(name: str, roles: Roles | None, frame: pd.DataFrame) -> str:
-    """The role of a column; where not all is known, what could be guessed."""
+def _role_of(roles: Roles | None, frame: pd.DataFrame) -> Callable[[str], str]:
+    """The role of each column; where not all is known, what could be guessed."""
     if roles is not None:
-        return roles.of(name)
-    known = guessed_parts(frame)
-    return next((role for role, column in known.items() if column == name), "suspect")
+        return roles.of
+    known = guess(frame)
+    guessed = {getattr(known, role): role for role in ("temperature", "reading", "time", "run")}
+    return lambda name: guessed.get(name, "suspect")
 
 
 def _is_joined(name: str, found: Fitted) -> bool:

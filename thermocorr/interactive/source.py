@@ -95,7 +95,7 @@ class ReadLog:
         """The log as a session file names it."""
         if not self.files:
             return {"built_in": self.name}
-        given = {**asdict(self.how), "no_times": list(self.how.no_times)}
+        given = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.how).items()}
         said = {key: value for key, value in given.items() if value not in (None, False, [])}
         return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
 

@@ -33,8 +33,8 @@ from .source import SAMPLES, ReadLog, built_in, fingerprint, opened
 from .tiles import Store
 
 FORMAT, VERSION = "thermocorr session", 1
-SWITCHES = ("sort",)
-LISTS = ("no_times",)
+SWITCHES = ("sort", "skip_bad_rows", "drop_duplicates")
+LISTS = ("no_times", "names", "missing")
 """What is true or false in `HowToRead`, and what is a list; all else is text."""
 OWN = "Give the file of your own effects, as you did before: --effects my_effects.py"
 
@@ -262,7 +262,8 @@ def _log(source: ReadLog, arrangement: Arrangement) -> str:
         lines = [
             f"log = X.rename(columns=str).assign(**{{{roles.reading!r}: y}})  # X, y: as the workbench was given them"
         ]
-    lines.append(f"X, y = log.drop(columns={[roles.reading, *roles.ignored]!r}), log[{roles.reading!r}]")
+    own = [] if roles.reading == roles.temperature else [roles.reading]
+    lines.append(f"X, y = log.drop(columns={[*own, *roles.ignored]!r}), log[{roles.reading!r}]")
     return "\n".join(lines)
 
 

@@ -192,9 +192,10 @@ def suspect_record(
     `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
     layout = model.features_.layout()
-    special = {layout.time, layout.run, getattr(y, "name", None) if isinstance(X, Log) else None}
+    special = {layout.time, layout.run, layout.reference, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
         columns = [name for name in _numeric(X) if name not in special and not _is_of(name, special)]
+    columns = [name for name in columns if name != layout.reference]
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}

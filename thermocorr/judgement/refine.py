@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..effects import Hinge, LaggedCovariate, ThermalLag
+from ..effects import CATALOGUE, Hinge, LaggedCovariate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
@@ -21,7 +21,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
 from ..pictures.words import effect_text
-from ..records.errors import check_int, printable, said_once
+from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
 from .diagnose import diagnose
 from .report import WIDTH, Diagnosis, FoundSuspect
@@ -89,6 +89,7 @@ def refine(
     exclude: Collection[str] = (),
     suspects: Sequence[Any] = (),
     max_steps: int = 5,
+    deployable: bool = False,
     progress: Progress = None,
 ) -> Refinement:
     """Add what is worth adding, fit, diagnose again, until nothing is.
@@ -105,6 +106,8 @@ def refine(
     columns, exclude, suspects : see `diagnose`
     max_steps : int
         Most effects to add.
+    deployable : bool, default False
+        Add only what can run sample by sample, live and on a device: nothing that needs later temperatures, as a lead.
     progress : callable or True, optional
         Called with a line of text before each step; True draws a bar (extra "progress"). A function may raise
         KeyboardInterrupt, which ends the refinement with what it has.
@@ -126,6 +129,9 @@ def refine(
     True
     """
     check_int("refine", "max_steps", max_steps, 0)
+    if check_bool("refine", "deployable", deployable):
+        exclude = {*exclude, *(kind for kind, effects in CATALOGUE.items() if effects.foresees)}
+        suspects = [one for one in suspects if not getattr(one, "foresees", False)]
     wanted: dict[str, Any] = {"columns": columns, "exclude": exclude, "suspects": suspects}
     current = clone(model)
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame

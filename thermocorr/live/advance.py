@@ -75,6 +75,7 @@ class Stream:
             (coef[low:high] * removed).tolist() for (low, high), removed in zip(pairwise(edges), counted, strict=True)
         ]
         self._edges = edges
+        self._level = model.removed_level
         self._low, self._high = model.reading_.temperature_range
         self._unknown = model.reading_.temperature_gaps
         self._washout, self._deviation = model.washout_, model.residual_std_
@@ -247,7 +248,7 @@ class Stream:
         try:
             for advance in steps:
                 row += advance(sample)
-            return row, sum(map(mul, row, self._weights))
+            return row, sum(map(mul, row, self._weights)) + self._level
         except (ArithmeticError, ValueError):
             return row, math.nan
 

@@ -176,6 +176,8 @@ class OnlineCorrector(Resumable):
             raise TypeError(f"The model must be a DynamicBiasRegressor. Got {type(model).__name__}.")
         check_is_fitted(model, "pipeline_")
         refuse_foresight(model.features_.effect_list(), "a stream")
+        if track is not None and model.reference is not None:
+            raise ValueError("track follows U0, which a model with a reference takes away. Leave track out.")
         self.model = model
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)

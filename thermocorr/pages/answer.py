@@ -248,7 +248,9 @@ class Answer:
         if advice is None or advice.table.empty:
             return []
         known = advice.table["all"]
-        shown = {"no correction": advice.before}
+        compared = self.comparison is not None and self.comparison.models[self.comparison.begun].reference is not None
+        none = "offset alone" if compared else "no correction"
+        shown = {none: advice.before}
         for kind in ("static", "dynamic"):
             of_kind = known[[str(name).startswith(kind) for name in known.index]]
             if len(of_kind):
@@ -257,7 +259,7 @@ class Answer:
         if REFINED in known.index:
             shown[REFINED] = float(known[REFINED])
         head = f"rms on later data{f' [{scale.unit}]' if scale.unit else ''}"
-        chosen = advice.variant or "no correction"
+        chosen = advice.variant or none
         names = [f"{name} *" if name == chosen else name for name in shown]
         mark = "* is asked for" if self.asked and not self.refined else "* is advised"
         return _columns([[head, *names], [mark, *(scale.number(v) for v in shown.values())]])

@@ -495,6 +495,8 @@ class SegmentRows(NamedTuple):
     """NaN where no readings are given."""
     contributions: np.ndarray
     """Shape (n, number of effects)."""
+    modelled: np.ndarray
+    """Reading that the model expects: U0, or the reference and U0, and all contributions."""
 
 
 class Walk:
@@ -507,6 +509,7 @@ class Walk:
     def __init__(self, model: Any, X: Any, y: Any = None):
         self.model = regressor_of(model)
         self._reading = None if y is None else self.model.reading_numbers(X, y)
+        self._level = self.model.level(X)
         self._blocks = self.model.contribution_blocks(X)
         self._first = next(self._blocks)  # a record has at least one block
         self.record: Record = self._first[0].record
@@ -560,6 +563,7 @@ class Walk:
             temperature=block.temperature,
             measured=measured,
             contributions=contributions,
+            modelled=contributions.sum(axis=1) + self._level[block.rows],
         )
 
 

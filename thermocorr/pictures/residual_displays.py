@@ -87,14 +87,12 @@ class ResidualsDisplay:
             Draw a band around the residuals that holds 95 % of them, from ``predict(X, return_std=True)``.
         """
         walk = Walk(model, X, y)
-        U0 = walk.model.intercept_
         names = (*TRACES, "corrected", *(["u"] if uncertainty else []))
 
         def parts() -> Any:
             stated = walk.uncertainties() if uncertainty else repeat(None)
             for part, u in zip(walk.parts(), stated, strict=False):
-                modelled = part.contributions.sum(axis=1) + U0
-                values = [part.measured, modelled, part.measured - modelled, walk.corrected(part)]
+                values = [part.measured, part.modelled, part.measured - part.modelled, walk.corrected(part)]
                 yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
 
         cells = cells_of(walk.timeline, names, walk.n_rows, parts())
@@ -209,13 +207,8 @@ class ResidualLoopDisplay:
         X, y : as for `DynamicBiasRegressor.evaluate_blocks`
         """
         walk = Walk(model, X, y)
-        U0 = walk.model.intercept_
         parts = (
-            (
-                part.segment,
-                part.seconds,
-                np.column_stack((part.temperature, part.measured - part.contributions.sum(axis=1) - U0)),
-            )
+            (part.segment, part.seconds, np.column_stack((part.temperature, part.measured - part.modelled)))
             for part in walk.parts()
         )
         fine = cells_of(walk.timeline, NAMES, walk.n_rows, parts, FINE_CELLS)
@@ -319,6 +312,8 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
     ''
     """
     fitted = regressor_of(model)
+    if fitted.reference is not None:  # the measurand moves, and its motion is no noise
+        return ""
     return added_noise_shown(AllanDisplay.from_estimator(fitted, X, y), fitted, X)
 
 

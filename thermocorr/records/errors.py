@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 import stat
 import unicodedata
 import warnings
@@ -55,6 +56,31 @@ class RecordError(ValueError):
 
 class RecordWarning(UserWarning):
     """The record can be used, but its user should know something first."""
+
+
+_door = ["Python"]
+"""Where the log came in: what is to be done is said in its words."""
+
+
+@contextmanager
+def as_command() -> Iterator[None]:
+    """Say what is to be done in options of the command."""
+    _door.append("command")
+    try:
+        yield
+    finally:
+        _door.pop()
+
+
+def way(command: str, python: str) -> str:
+    """What is to be done, for the door that the log came through."""
+    return command if _door[-1] == "command" else python
+
+
+def option(name: str, value: str = "...") -> str:
+    """A parameter with its value as it is passed: ``max_gap=60``, or ``--max-gap 60``."""
+    flag = f"--{name.replace('_', '-')}"
+    return way(flag if value in ("...", "True") else f"{flag} {shlex.quote(value.strip(chr(39)))}", f"{name}={value}")
 
 
 def warn(text: str) -> None:

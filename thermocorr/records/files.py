@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 from .errors import RecordError, existing_file, listing, quoted, warn
 from .grammar import MISSING
 from .parquet import open_parquet
-from .units import name_and_unit
 
 Places = NDArray[np.intp]
 Chosen = NDArray[np.bool_]
@@ -31,6 +31,10 @@ BLOCK = 1 << 18
 """Bytes that are checked together, up to the end of a line: they stay in the cache of a processor."""
 LONGEST = 1 << 20
 """Bytes of a header, and of a line of a stream, at most: a longer one is no row of a log."""
+_VALUE = re.compile(
+    r"[-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?|[0-9]{1,4}[-/.][0-9]{1,2}[-/.][0-9]{1,4}[T ]?[0-9:.,]*Z?"
+)
+"""Numbers and dates."""
 BOM = b"\xef\xbb\xbf"
 CUT = "it has no line end: it may have been cut while it was written. If it is whole, end it with a line end"
 
@@ -68,7 +72,7 @@ def is_comment(line: str, n_fields: int, n_columns: int) -> bool:
 def header_of(line: bytes, place: str = "line 1") -> list[str]:
     """Names of the columns, from the first line of a log, which may stand at another `place` behind comments.
 
-    Raises RecordError for a line that is no header, and for names that stand twice.
+    Raises RecordError for a line that is no header.
     """
     if len(line) > LONGEST:  # millions of names would take a gigabyte
         raise RecordError(f"The header, {place}, has more than {LONGEST} bytes. Is it a CSV log?")
@@ -84,18 +88,34 @@ def header_of(line: bytes, place: str = "line 1") -> list[str]:
             "The log seems to be separated by semicolons or tabs. A file is understood once it has some rows; a stream "
             "needs commas between its columns."
         )
-    return checked_names(names)
-
-
-def checked_names(names: list[str]) -> list[str]:
-    """The names of a header; RecordError for one that stands twice."""
-    counted = Counter(filter(None, names))
-    twice = next((name for name in names if counted[name] > 1), None)
-    if twice is not None:
+    numbered = names == [str(k) for k in range(1, len(names) + 1)]  # by whoever read a file without a header
+    if names[0] and not numbered and all(_is_value(name) for name in filter(None, names)):
         raise RecordError(
-            f"The header has the name {twice!r} twice; its names are {listing(names)}. Give columns unique names."
+            f"{place[:1].upper()}{place[1:]} is a row already ({listing(names, 3)}), and no header. Name the columns "
+            "with --names, as in --names time,temperature,reading."
         )
-    return names
+    return distinct_names(names)
+
+
+def _is_value(cell: str) -> bool:
+    """Whether a cell is a number or a date, which are never names."""
+    return _VALUE.fullmatch(cell.strip()) is not None
+
+
+def distinct_names(names: list[str]) -> list[str]:
+    """The names of a header; those that stand there several times with the number of their column: nobody guesses.
+
+    Examples
+    --------
+    >>> distinct_names(["time", "note", "note", ""])
+    ['time', 'note (column 2)', 'note (column 3)', '']
+    """
+    counted = Counter(filter(None, names))
+    return [f"{name} (column {k})" if counted[name] > 1 else name for k, name in enumerate(names, 1)]
+
+
+class RowError(RecordError):
+    """A line of a file that is no row of its table."""
 
 
 def miscounted(found: int, wanted: int) -> str:
@@ -150,7 +170,7 @@ def _checked_rows(block: bytes, n_columns: int, line: int) -> int:
             if len(found) != n_columns:
                 raise RecordError(miscounted(len(found), n_columns))
         except RecordError as error:
-            raise RecordError(f"line {row + line}: {error}") from None
+            raise RowError(f"line {row + line}: {error}") from None
     return len(ends) - int(empty.sum())
 
 
@@ -187,9 +207,9 @@ def _holding(places: Places, starts: Places) -> Chosen:
 
 
 TIME_NAMES = (
-    "time", "timestamp", "datetime", "date", "time_s", "date/time", "date time", "date_time", "time stamp", "_time",
-    "zeit", "zeitstempel", "datum", "uhrzeit", "t", "x_value", "datum/uhrzeit", "datum/zeit", "datum uhrzeit",
-    "datum und uhrzeit", "date and time", "ts",
+    "time", "timestamp", "datetime", "date", "time_s", "date/time", "date time", "date_time", "date-time", "time stamp",
+    "_time", "zeit", "zeitstempel", "datum", "uhrzeit", "t", "x_value", "datum/uhrzeit", "datum/zeit", "datum uhrzeit",
+    "datum und uhrzeit", "date and time", "ts", "created_at", "horodatage", "fecha", "tijd",
 )  # fmt: skip
 """Columns that are taken as times where none is named, the first that is there."""
 _NONE = sorted(MISSING)
@@ -251,10 +271,10 @@ def csv_table(content: bytes, path: Path, names: list[str] | None = None, line: 
         )
     start = 0 if names is not None else content.find(b"\n") + 1 or len(content)
     try:
-        names = checked_names(names) if names is not None else header_of(content[:start])
+        names = distinct_names(names) if names is not None else header_of(content[:start])
         rows, end = check_lines(content, len(names), start, line + (start > 0))
     except RecordError as error:
-        raise RecordError(f"{path} cannot be read as a table: {error}") from None
+        raise type(error)(f"{path} cannot be read as a table: {error}") from None
     if end < len(content) and start < len(content):
         warn(f"The last line of {path} is left out: {CUT}.")
     names = [name or f"Unnamed: {i}" for i, name in enumerate(names)]
@@ -303,28 +323,9 @@ FORMATS = {ending: Format("Parquet", _read_parquet) for ending in (".parquet", "
 """Ending -> format of files that are no CSV."""
 
 
-def require_column(
-    names: Iterable[Any],
-    name: str | None,
-    option: str,
-    guesses: tuple[str, ...] = (),
-    taken: Collection[str | None] = (),
-) -> str:
-    """The column that an option names, or the first of `guesses` that is there and not `taken` by another option.
-
-    Where none is there as it stands, capitals and a unit behind the name do not count: "Temperature [°C]".
-
-    Raises RecordError for a name that is none of the columns, and where no column is named and none can be guessed.
-    """
+def require_column(names: Iterable[Any], name: str, option: str) -> str:
+    """The column that an option names; RecordError where there is none."""
     columns = [str(column) for column in names]
-    if name is None:
-        free = [column for column in columns if column not in taken]
-        bare = {name_and_unit(column)[0].strip().lower(): column for column in reversed(free)}
-        for known in ({column: column for column in free}, bare):
-            for guess in guesses:
-                if guess in known:
-                    return known[guess]
-        raise RecordError(f"Which column is the {option}? Say it with --{option}; there are {listing(columns)}.")
     if name not in columns:
         raise RecordError(f"There is no column {quoted(name)} for --{option}; there are {listing(columns)}.")
     return name

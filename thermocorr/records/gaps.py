@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..equations.lags import Structure
+from .errors import option
 from .numbers import span_text
 from .record import Block, Record
 from .times import Floats
@@ -137,5 +138,6 @@ def rows_apart(record: Record) -> str:
         f"{record.times.label(after)} in row {after} follows {record.times.label(before)} in row {before} after "
         f"{span_text(longest)}, and all the others lie within {span_text(rest)}. "
         f"{'Is its time' if one else 'Are their times'} damaged? Mend {'it' if one else 'them'}, or leave "
-        f"{'the row' if one else 'the rows'} out; if not, pass max_gap={3 * usual:.5g} to start a new segment there."
+        f"{'the row' if one else 'the rows'} out; if not, pass {option('max_gap', f'{3 * usual:.5g}')} to start a new "
+        "segment there."
     )

@@ -18,7 +18,8 @@ NO_VALUE = frozenset((
     "ovld", "ovld.", "ovl", "o.l", "o.l.", "ol", "0l", "0.l", "overload", "overflow", "ovrflw", "overrange",
     "over range", "out of range", "over", "under", "underflow", "underrange", "unavailable", "unknown", "no data",
     "nodata", "open", "burnout", "burn out", "fault", "error", "err", "bad", "invalid", "stale", "timeout",
-    "not connected", "offline", "?", "-", "--", "---", "----", "-----", "*", "***", "****", "*****", "#####",
+    "not connected", "offline", "#value!", "#div/0!", "#ref!", "#num!", "#name?", "nan",
+    "undefined", "#nv", "#wert!", "?", "-", "--", "---", "----", "-----", "*", "***", "****", "*****", "#####",
 ))  # fmt: skip
 """What instruments and loggers write in place of a number that they do not have: in small letters, without a sign."""
 MINUS = str.maketrans({"\u2212": "-", "\u2013": "-", "\ufe63": "-", "\uff0d": "-"})

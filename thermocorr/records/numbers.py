@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
-from .errors import RecordError, listing, quoted, times_word
+from .errors import RecordError, listing, option, quoted, times_word, way
 from .grammar import LARGEST, has_other_blanks, is_missing
 from .labels import is_state, state
 from .log import Log
@@ -99,7 +99,7 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
         if column not in X.columns:
             raise RecordError(
                 f"There is no {role} {quoted(column)} in the data. Its columns are {listing(X.columns)}. "
-                f"Name one of them{' with temperature=...' if role == 'temperature' else ''}."
+                f"Name one of them{' with ' + option(role) if role in ('temperature', 'reference') else ''}."
             )
         values: Any = X[column]
         if values.ndim != 1:
@@ -227,10 +227,11 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
     bad = (numbers.isna() & series.notna()).to_numpy() | odd
     if bad.any():
         row = int(bad.argmax())
+        coerced = "; pandas.to_numeric(..., errors='coerce') does so"
         raise RecordError(
             f"{what} is not a number in row {row}: {series.iloc[row]!r} ({times_word(int(bad.sum()), 'such row')} in "
-            "all). Remove units and text from the file, or leave the cell empty where there is no value; in Python "
-            "pandas.to_numeric(..., errors='coerce') does so."
+            "all). Remove units and text from the file, or leave the cell empty where there is no value"
+            f"{way(': ' + option('na', str(series.iloc[row])), coerced)}."
         )
     return numbers.to_numpy(dtype=float, na_value=np.nan)
 

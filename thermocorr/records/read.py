@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .errors import RecordError, listing, quoted, times_word, warn
+from .errors import RecordError, listing, option, quoted, times_word, warn, way
 from .labels import factorized
 from .log import Log
 from .numbers import is_frame, numeric_column, span_text, span_texts
@@ -42,6 +42,8 @@ class Layout:
     run: object = None
     sampling_period: object = None
     max_gap: object = None
+    reference: object = None
+    """Column that the readings are compared with: what is learned is how much they differ."""
 
     def longest_step(self) -> float | None:
         """Longest step that does not start a new segment [s]; None where none does."""
@@ -91,12 +93,13 @@ def read_record(
     n = len(X)
     name = temperature_column(X, layout, quiet)
     columns: dict[object, NDArray[Any]] = {}
-    for column in dict.fromkeys((name, *needed)):
+    compared = (layout.reference,) if y is None and layout.reference is not None else ()  # for readings to come
+    for column in dict.fromkeys((name, *needed, *compared)):
         columns[column] = numeric_column(X, column, "temperature" if column == name else "column")
     notes: list[str] = []
     times = _times(X, layout, frame, n, notes)
     runs, order = _runs(X, layout, times)
-    reading, weight = reading_of(y, X)
+    reading, weight = reading_of(y, X, layout.reference)
     segments = _segments(times, runs, order, layout, notes)
     record = Record(
         times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, weight=weight,
@@ -116,6 +119,8 @@ def _refuse_ages(record: Record) -> None:
     if record.times.kind in ("rows", "seconds"):
         return
     ends = [k for start, stop, _ in record.segments for k in (start, stop - 1)]
+    if not ends:
+        raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")
     stamps = [record.stamp(k) for k in ends]
     if max(stamps) - min(stamps) >= 1 << 63:
         first, last = (record.row(ends[stamps.index(most)]) for most in (min(stamps), max(stamps)))
@@ -142,7 +147,7 @@ def check_order(record: Record, layout: Layout) -> None:
         raise RecordError(
             f"The rows are {span_text(record.times.period)} apart, and their temperatures change from row to row as if "
             "they had been shuffled. Give the rows in the order in which they were recorded: split with shuffle=False "
-            "or TimeSeriesSplit, or name a column of times with time=..."
+            f"or TimeSeriesSplit, or name a column of times with {option('time')}."
         )
 
 
@@ -164,7 +169,7 @@ def check_max_gap(record: Record, layout: Layout) -> None:
         raise ValueError(
             f"The 'max_gap' parameter must be longer than the usual step between rows, which is {span_text(usual)}: "
             f"each row would be a segment of its own. Got {span_text(most)}. Leave it out, or pass "
-            f"max_gap={3 * usual:.5g}."
+            f"{option('max_gap', f'{3 * usual:.5g}')}."
         )
 
 
@@ -186,7 +191,7 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
                 f"0 to {count - 1}, or pass a DataFrame with named columns."
             )
         return int(wanted)
-    special = {layout.time, layout.run} - {None}
+    special = {layout.time, layout.run, layout.reference} - {None}
     if wanted is None:
         candidates = [column for column in X.columns if column not in special]
         if "temperature" in candidates or not candidates:
@@ -194,7 +199,7 @@ def temperature_column(X: Any, layout: Layout, quiet: bool = False) -> object:
         if len(candidates) > 1 and not quiet:
             warn(
                 f"No column is called 'temperature': the first one, {candidates[0]!r}, is taken. Say which of "
-                f"{listing(candidates)} it is with temperature=..."
+                f"{listing(candidates)} it is with {option('temperature')}."
             )
         return candidates[0]
     return wanted
@@ -204,7 +209,9 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
     if layout.time is not None:
         if not frame or layout.time not in X.columns:
             found = f"Its columns are {listing(X.columns)}" if frame else "An array has no named columns"
-            raise RecordError(f"There is no time column {layout.time!r} in the data. {found}. Name one with time=...")
+            raise RecordError(
+                f"There is no time column {layout.time!r} in the data. {found}. Name one with {option('time')}."
+            )
         if isinstance(X, Log):
             return X.times(str(layout.time))
         return times_from(X[layout.time], f"The time column {layout.time!r}")
@@ -213,15 +220,22 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
             return X.times(X.index_name)
     elif frame and (times := index_times(X.index)) is not None:
         if layout.sampling_period is not None:
-            notes.append("The data have times of their own: sampling_period is not used.")
+            notes.append(
+                f"The data have times of their own: {way('--sampling-period', 'sampling_period')} is not used."
+            )
         return times
     if layout.sampling_period is None:
         dates = next((name for name in getattr(X, "columns", ()) if kind_of(X[name]) == "date"), None)
-        here = "" if dates is None else f"The column {quoted(dates)} holds dates: take them with time={dates!r}. "
+        here = (
+            ""
+            if dates is None
+            else f"The column {quoted(dates)} holds dates: take them with {option('time', repr(dates))}. "
+        )
+        python = "sampling_period=..., time=<column>, or a DataFrame with a DatetimeIndex"
+        passed = way("--sampling-period or --time", python)
         notes.append(
             "The data have no times: rows are taken as 1 s apart, so time constants count in samples. "
-            f"{here}{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass sampling_period=..., "
-            "time=<column>, or a DataFrame with a DatetimeIndex."
+            f"{here}{no_times_text(X.index if isinstance(X, pd.DataFrame) else None)}Pass {passed}."
         )
         return Times(n, "rows")
     return Times(n, "rows", period=seconds_of(layout.sampling_period, "sampling_period"))
@@ -238,7 +252,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
     elif layout.run not in X.columns:
         raise RecordError(
             f"There is no run column {layout.run!r} in the data. Its columns are {listing(X.columns)}. "
-            "Name one with run=..."
+            f"Name one with {option('run')}."
         )
     else:
         labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
@@ -249,7 +263,8 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
     if (np.diff(codes) < 0).any():
         if times.ticks is None:
             raise RecordError(
-                "Runs are interleaved and rows have no times. Sort the rows by run, or name a time column with time=..."
+                "Runs are interleaved and rows have no times. Sort the rows by run, or name a time column with "
+                f"{option('time')}."
             )
         order = np.argsort(codes, kind="stable")
         codes = codes[order]
@@ -304,9 +319,9 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
     if longest:
         said += f": temperature is taken as a straight line across, for {span_text(longest)} at most"
         if max_gap is None and longest > GAP_STEPS * usual:
-            said += f". Pass max_gap={3 * usual:.5g} to start a new segment after long ones"
+            said += f". Pass {option('max_gap', f'{3 * usual:.5g}')} to start a new segment after long ones"
     its = f"{'its reading' if len(missing) == 1 else 'their readings'} too, fill short holes first"
-    notes.append(f"{said}. To use {its}, for example with X.interpolate(limit=5).")
+    notes.append(f"{said}. To use {its}{way('', ', for example with X.interpolate(limit=5)')}.")
     return known
 
 
@@ -355,7 +370,7 @@ def _check_steps(
         notes.append(
             f"Sampling has {times_word(len(found), 'gap')}, the first after row {row} "
             f"({' where '.join(span_texts((wide[0], usual or 0.0)))} is usual). Temperature is taken as a straight "
-            f"line across. Pass max_gap={advice:.5g} to start a new segment there."
+            f"line across. Pass {option('max_gap', f'{advice:.5g}')} to start a new segment there."
         )
     return np.zeros(0, np.intp)
 
@@ -379,13 +394,16 @@ def _refuse_order(
             f"Row {before} stands far ahead of the others: {times.label(before)} between {times.label(early)} in row "
             f"{early} and {times.label(row)} in row {row}. Is its time damaged? Mend it, or leave the row out."
         )
+    split = way(
+        "sort them with --sort",
+        "split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such as HalvingGridSearchCV, "
+        "cannot be used (GridSearchCV can)",
+    )
     hint = (
-        "The rows are shuffled: split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such "
-        "as HalvingGridSearchCV, cannot be used (GridSearchCV can). If these are no times, name the column that has "
-        "them: --time on the command line, in Python time=..."
+        f"The rows are shuffled: {split}. If these are no times, name the column that has them: {option('time')}."
         if shuffled
-        else "Sort the rows by time (--sort on the command line); if the log holds several runs, name their column "
-        "with --run, in Python run=...; local times without a zone step back when summer time ends."
+        else f"Sort the rows by time{way(' (--sort)', '')}; if the log holds several runs, name their column with "
+        f"{option('run')}; local times without a zone step back when summer time ends."
         if layout.run is None
         else "Sort the rows of each run by time."
     )
@@ -400,10 +418,13 @@ def _twice_text(times: Times, order: NDArray[np.intp] | None, row: int, before: 
     more = int((steps == 0).sum()) - 1 if layout.run is None else 0
     each = 1 < more + 1 == times.n / 2
     count = "; every time stands there twice" if each else f", and {more} more like these" if more else ""
-    advice = "Drop every second row" if each else "Drop one of them" if not more else "Drop one of each"
     stamps = "X.index" if layout.time is None else f"X[{layout.time!r}]"
+    first = way(
+        "--drop-duplicates keeps the first", f"with keep = ~{stamps}.duplicated(), X[keep], y[keep] has the first"
+    )
+    advice = "Drop every second row" if each else "Drop one of each" if more else "Drop one of them"
     return (
-        f"Two rows have the same time {times.label(row)}: rows {before} and {row}{count}. {advice} from the log, or "
-        f"write their mean (in Python keep = ~{stamps}.duplicated(), and X[keep], y[keep], has the first); if the log "
-        "holds several runs, name their column with --run, in Python run=..."
+        f"Two rows have the same time {times.label(row)}: rows {before} and {row}{count}. {advice}, or write their "
+        f"mean ({first}); if summer time ended then, {way('pass --timezone', 'give times with their zone')}; if the "
+        f"log holds several runs, name their column with {option('run')}."
     )

@@ -57,7 +57,7 @@ class RecordLog(Log):
         if (most := layout.longest_step()) is not None:
             self._check_gaps(most)
         columns = {name: self[name] for name in names}
-        reading, weight = reading_of(y, self)
+        reading, weight = reading_of(y, self, layout.reference)
         return replace(
             self.record, columns=columns, reading=reading, weight=weight, refused=(), filled={}, known_moments={}
         )

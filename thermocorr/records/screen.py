@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
-from .errors import RecordError, listing, quoted, times_word
+from .errors import RecordError, listing, quoted, times_word, way
 from .gate import JUMP, Gate, Motion, excursions
-from .numbers import numeric_reading
+from .numbers import is_frame, numeric_column, numeric_reading
 from .record import Record, Refused
 from .times import Floats
 from .units import OtherUnit, first_median, unit_told_by
@@ -81,12 +81,27 @@ class WeightedReading:
         return dict(getattr(self.y, "attrs", {}))
 
 
-def reading_of(y: Any, X: Any) -> tuple[NDArray[Any] | None, Floats | None]:
-    """Readings as numbers, those without weight left out, and their weights; None where there are none."""
-    if not isinstance(y, WeightedReading):
-        return None if y is None else numeric_reading(y, X), None
-    reading = numeric_reading(y.y, X)
-    return cast(Any, LeftOut(reading, np.flatnonzero(y.weight == 0))), y.weight
+def reading_of(y: Any, X: Any, reference: object = None) -> tuple[NDArray[Any] | None, Floats | None]:
+    """Readings as numbers, those without weight left out, and their weights; None where there are none.
+
+    With a `reference`, a column of X, what they differ from it by.
+    """
+    if y is None:
+        return None, None
+    weight = y.weight if isinstance(y, WeightedReading) else None
+    reading = error_of(y.y if isinstance(y, WeightedReading) else y, X, reference)
+    return (reading if weight is None else cast(Any, LeftOut(reading, np.flatnonzero(weight == 0)))), weight
+
+
+def error_of(y: Any, X: Any, reference: object = None) -> NDArray[Any]:
+    """Readings as numbers; with a `reference`, a column of X, less its values, read in pieces as readings are."""
+    reading = numeric_reading(y, X)
+    if reference is None:
+        return reading
+    if not is_frame(X):
+        raise RecordError("A reference is a named column. Pass a DataFrame, for example pandas.DataFrame(X).")
+    less: Any = Less(reading, numeric_column(X, reference, "reference"))
+    return cast(NDArray[Any], less)
 
 
 SAMPLES, SAMPLE_ROWS = 16, 256
@@ -376,9 +391,28 @@ def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: 
     if not cut.segments:
         raise RecordError(
             f"No value in {quoted(column)} is believed: all {record.n_used} rows are refused as {reason}s. "
-            "Check the column, or pass screen=False."
+            f"Check the column, or pass {way('--no-screen', 'screen=False')}."
         )
     return cut
+
+
+class Less:
+    """A column less another one; read when it is sliced."""
+
+    ndim = 1
+    dtype = np.dtype(float)
+
+    def __init__(self, column: Any, other: Any):
+        self.column, self.other = column, other
+
+    def __len__(self) -> int:
+        return len(self.column)
+
+    def __getitem__(self, rows: Any) -> Any:
+        return np.asarray(self.column[rows], float) - np.asarray(self.other[rows], float)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self[:], dtype)
 
 
 class LeftOut:

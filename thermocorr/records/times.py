@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..equations.looks import are_apart, steps_between
-from .errors import RecordError, quoted
+from .errors import RecordError, option, quoted, way
 from .grammar import LARGEST, number
 from .types import kind_of
 
@@ -160,13 +160,15 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
     begins = f"{where} is {numbers[0]:.0f} in row {first_row}, and so on:"
     unit = unix_unit(float(numbers.min()), float(numbers.max()))
     if unit in EPOCHS:
+        said = f"Say so with --time-format 'unix {unit}'"
+        dates = f"Make dates of them with pandas.to_datetime(..., unit={unit!r})"
         raise RecordError(
-            f"{begins} these are Unix times in {unit}, and numbers are taken as seconds. Make dates of them with "
-            f"pandas.to_datetime(..., unit={unit!r})."
+            f"{begins} these are Unix times in {unit}, and numbers are taken as seconds. {way(said, dates)}."
         )
     if np.median(numbers) >= LARGEST_SECONDS:  # one damaged time is none of these
         raise RecordError(
-            f"{begins} no seconds, and no Unix times of this century. Make dates, spans or seconds of them."
+            f"{begins} no seconds, and no Unix times of this century. "
+            f"{way('Say what they are with --time-format', 'Make dates, spans or seconds of them')}."
         )
 
 
@@ -309,6 +311,8 @@ _FAR = 1 << 62
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
 _CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
 _ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
+_MIDNIGHT = re.compile(r"(?<=[T ])24:00(?=(?::00(?:[.]0+)?)?(?:$|Z|[ +-]))")
+"""The end of a day as 24:00, which ISO 8601 allowed until 2019."""
 _ISO_8601 = f"{_DAY}(?:{_CLOCK}(?:{_ZONE})?)?"
 _ZONED = f"{_DAY}{_CLOCK}{_ZONE}"
 
@@ -482,11 +486,11 @@ def steps_back_an_hour(back: float, usual: float) -> bool:
 
 def summer_time_text(row: int, time: object, before: object) -> str:
     """What is wrong with local times that step back by an hour, and what to do."""
+    zoned = "times that have it, as by X.index.tz_localize('Europe/Berlin', ambiguous='infer')"
     return (
         f"Time goes backward at row {row}: {time} follows {before}, as local times do when summer time ends. If so, "
-        "name the zone: --timezone Europe/Berlin on the command line, in Python times that have it, as by "
-        "X.index.tz_localize('Europe/Berlin', ambiguous='infer'). Sorting would mix two hours. If the log holds "
-        "several runs, name their column with --run, in Python run=..."
+        f"name the zone: {way('--timezone Europe/Berlin', zoned)}. Sorting would mix two hours. If the log holds "
+        f"several runs, name their column with {option('run')}."
     )
 
 
@@ -617,10 +621,11 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     bad = (parsed.isna() & text.notna()).to_numpy()
     if bad.any():
         row = int(bad.argmax())
+        command = "say another form with --time-format, or pass over damaged rows with --skip-bad-rows"
+        python = "pandas.to_datetime(..., format=...)"
         raise RecordError(
             f"{where} cannot be read as a time in row {row}: {values.iloc[row]!r}. Write dates as "
-            "2024-05-31T14:00:00, or seconds as numbers; say another form with --time-format on the command line, in "
-            "Python with pandas.to_datetime(..., format=...)."
+            f"2024-05-31T14:00:00, or seconds as numbers; {way(command, 'say another form with ' + python)}."
         )
     return parsed
 
@@ -633,6 +638,8 @@ def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
     found = dates_by_arrow(text)
     if found is not None:
         return found
+    late = text.str.contains(_MIDNIGHT, na=False)
+    text = text.str.replace(_MIDNIGHT, "00:00", regex=True) if late.any() else text
     whole = text.str.fullmatch(_ISO_8601, na=False)
     zoned = text.str.fullmatch(_ZONED, na=False)
     if (zoned != whole).any() and zoned.any():
@@ -641,7 +648,8 @@ def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
             f"Some times have a zone and others none, the first in row {row}: {text.iloc[row]!r}. Write all with a "
             "zone, or all without."
         )
-    return pd.to_datetime(text.where(whole), errors="coerce", format="ISO8601", utc=bool(zoned.any()))
+    dates = pd.to_datetime(text.where(whole), errors="coerce", format="ISO8601", utc=bool(zoned.any()))
+    return dates + pd.to_timedelta(late.astype(int), unit="D") if late.any() else dates
 
 
 def date_of_text(text: str) -> Any:

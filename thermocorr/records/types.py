@@ -7,15 +7,16 @@ from typing import Any, Literal, cast
 import numpy as np
 import pandas as pd
 
-from .errors import RecordError
+from .errors import RecordError, option
 
 ColumnKind = Literal["number", "switch", "date", "span", "text", "complex", "other"]
-Role = Literal["temperature", "reading", "column", "time", "label"]
+Role = Literal["temperature", "reading", "reference", "column", "time", "label"]
 
 _VALUES = frozenset(("number", "text"))
 ALLOWED: dict[str, frozenset[str]] = {
     "temperature": _VALUES,
     "reading": _VALUES,
+    "reference": _VALUES,
     "column": _VALUES | {"switch"},
     "time": frozenset(("number", "date", "span", "text")),
     "label": frozenset(("number", "switch", "date", "span", "text")),
@@ -23,8 +24,8 @@ ALLOWED: dict[str, frozenset[str]] = {
 """Role -> kinds of columns that can play it. Text is read: numbers as text, dates as text, labels as they are."""
 _REMEDY = {
     "complex": "holds complex numbers. Complex data not supported: pass real numbers.",
-    "date": "holds times ({type}) where numbers are needed. Is it the time column? Pass time=...",
-    "span": "holds times ({type}) where numbers are needed. Is it the time column? Pass time=...",
+    "date": "holds times ({type}) where numbers are needed. Is it the time column? Pass {time}",
+    "span": "holds times ({type}) where numbers are needed. Is it the time column? Pass {time}",
     "switch": "holds true/false where {wanted} are needed. Is it the right column?",
     "other": "holds {type} where {wanted} are needed. Convert it before, or name another column.",
     "number": "holds numbers ({type}) where {wanted} are needed.",
@@ -70,5 +71,5 @@ def kind_of_arrow(type_name: str) -> ColumnKind:
 def require_role(kind: ColumnKind, role: Role, what: str, type_name: str) -> None:
     """Refuse a column that cannot play its role."""
     if kind not in ALLOWED[role]:
-        remedy = _REMEDY[kind].format(type=type_name, wanted=_WANTED.get(role, "numbers"))
+        remedy = _REMEDY[kind].format(type=type_name, wanted=_WANTED.get(role, "numbers"), time=option("time"))
         raise RecordError(f"{what} {remedy}")

@@ -32,12 +32,19 @@ _WRITTEN = {
 """How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""
 DEGREES = ("degC", "degF", "K")
 """Units of temperatures."""
-TEMPERATURES = re.compile(r"temp|ambient|room|oven|case|thermo|^t$|^t[_ ]", re.IGNORECASE)
+TEMPERATURES = re.compile(
+    r"(?<!at)temp|ambient|room|oven|case(?![a-z])|thermo|lämpöt|teplot|hőm|темп|温度|気温|^amb|^ta(mb)?$|^t\d*$|^t[_ ]",
+    re.IGNORECASE,
+)
 """Names that temperatures go by."""
 _SAME = {"mbar": "hPa"}
 """Units of the same size by other names."""
 _KNOWN = {unit: unit for unit in _SUFFIXES.values()}
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?:[\[(<](?P<inside>[^\[\]()<>]+)[\])>]|\s/\s*(?P<behind>\S+))\s*")
+_SIGN = re.compile(r"(?P<before>.*?)(?<!/)(?P<unit>°\s?[CFcf]|[℃℉])(?![a-z])(?P<behind>[^/]*)")
+"""The sign of a degree anywhere in a name: "Temperature °C", "1:°C", "Temp, °F (sensor 7)"."""
+_COMMA = re.compile(r"(?P<name>[^,]+),\s*(?P<unit>[^,()]+?)\s*(?:\(.*\))?")
+"""A unit behind a comma, and what a logger says of itself behind it: "RH, % (LGR S/N: 1, SEN S/N: 2)"."""
 _TIGHT = re.compile(r"(?P<name>[^/]*[^/\s])/(?P<behind>\S+)\s*")
 """A slash without blanks, as ISO 80000 writes T/°C: a unit is behind it only where the whole is none, such as km/h."""
 _LOOKALIKES = str.maketrans({"\u2126": "\u03a9", "\u00ba": "\u00b0", "\u02da": "\u00b0"})
@@ -149,7 +156,13 @@ def name_and_unit(text: str) -> tuple[str, str]:
         return found["name"], unit
     tight = _TIGHT.fullmatch(text)
     unit = _behind_slash(text, tight["name"], tight["behind"]) if tight else ""
-    return (tight["name"], unit) if tight and unit else (text, "")
+    if tight and unit:
+        return tight["name"], unit
+    behind = _COMMA.fullmatch(text)
+    if behind and (unit := unit_of_text(behind["unit"])):
+        return behind["name"], unit
+    sign = _SIGN.fullmatch(text)
+    return (f"{sign['before']}{sign['behind']}".strip(" :,"), unit_of_text(sign["unit"])) if sign else (text, "")
 
 
 def _behind_slash(text: str, name: str, behind: str) -> str:

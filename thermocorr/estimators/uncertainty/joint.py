@@ -483,7 +483,7 @@ def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool 
     before = model.weighed(features.walk_resumed(kept, starts, states))
     after = model.weighed(features.walk_resumed(moved, starts, later))
     for (block, old), (_, new) in zip(before, after, strict=True):
-        result[block.rows] = model.removed_part(new - old)
+        result[block.rows] = model.removed_part(new) - model.removed_part(old)
     return result
 
 
@@ -541,7 +541,8 @@ class ErrorWalk:
     def __init__(self, model: Any, joint: JointErrors, removed: bool):
         self.model, self.joint, self.removed = model, joint, removed
         kept = [effect.removed_by_correct or not removed for effect in joint.effects for _ in effect.names()]
-        self.used = np.array([not removed, *kept])
+        with_level = not removed or model.features_.reference is not None
+        self.used = np.array([with_level, *kept])
         shared = joint.mean[self.used] @ joint.half[self.used]
         size = float(np.linalg.norm(shared))
         self.level = shared / size if size > 0 else shared
@@ -564,7 +565,7 @@ class ErrorWalk:
             kept, begun, known = resume(joint.effects, joint.history, record)
             wide = walk(joint.effects, kept, zero=joint.history.zero, starts=begun, states=known)
         parts = [effect.removed_by_correct or not self.removed for effect in model.features_.effect_list()]
-        constant = 0.0 if self.removed else model.intercept_
+        constant = model.removed_level if self.removed else model.intercept_
         for block, contributions in model.weighed(noted()):
             value = contributions[:, parts].sum(axis=1) + constant
             columns = next(wide, walked[0]).columns

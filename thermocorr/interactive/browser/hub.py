@@ -16,8 +16,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from ..opening import Opening
 from ..tiles import Store, Tiles
-from .worker import Opening, serve
+from .worker import serve
 
 CHANGED = "Another window has changed this meanwhile. Look, and try again."
 DIED = "The computation ended, perhaps for lack of memory. It begins again from the steps that stand."

@@ -11,10 +11,22 @@ from markupsafe import Markup
 SHARED = ("uplot.min.js", "charts.js", "uplot.min.css", "colours.css")
 """What the report page has too."""
 OWN = ("elements.js", "wire.js", "timeplot.js", "views.js", "panels.js", "workbench.js", "start.js", "workbench.css")
-WIDGET = ("elements.js", "notebook.js", "timeplot.js", "views.js", "panels.js", "workbench.js")
+WIDGET = ("elements.js", "desk.js", "notebook.js", "timeplot.js", "views.js", "panels.js", "workbench.js")
 """What a notebook has instead: messages of the kernel, and no page of its own."""
 ALONE = ("open", "samples", "cancel")
 """Parts that only a page of its own has: the kernel's own button interrupts a notebook."""
+STATIC = (
+    *SHARED,
+    "elements.js",
+    "desk.js",
+    "timeplot.js",
+    "views.js",
+    "panels.js",
+    "workbench.js",
+    "try.js",
+    "workbench.css",
+)
+"""What a page without a server has, in the order in which they are loaded."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
 ASSETS = {name: TYPES[name.rsplit(".", 1)[1]] for name in (*SHARED, *OWN)}
 """Name -> media type, in the order in which they are loaded."""
@@ -25,19 +37,24 @@ def page() -> str:
     """The page, which is the same for every log."""
     return (
         Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(_template("workbench.html"))
+        .from_string(template("workbench.html"))
         .render(
-            body=Markup(_template("body.html")),
+            body=Markup(template("body.html")),
             styles=[name for name in ASSETS if name.endswith(".css")],
             scripts=[name for name in ASSETS if name.endswith(".js")],
         )
     )
 
 
+def whole_body() -> str:
+    """What stands inside of the workbench's element on a page of its own."""
+    return template("body.html")
+
+
 @cache
 def body() -> str:
     """What stands inside of the workbench's element; a notebook opens no other log."""
-    lines = _template("body.html").splitlines(keepends=True)
+    lines = template("body.html").splitlines(keepends=True)
     return "".join(line for line in lines if not any(f'data-part="{part}"' in line for part in ALONE))
 
 
@@ -56,7 +73,8 @@ def style() -> str:
     return "\n".join([asset_text("uplot.min.css"), colours, ".workbench *{box-sizing:border-box}", *own])
 
 
-def _template(name: str) -> str:
+def template(name: str) -> str:
+    """Text of a template."""
     return files(__package__).joinpath("templates", name).read_text(encoding="utf-8")
 
 

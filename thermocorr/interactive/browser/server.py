@@ -29,12 +29,12 @@ from ...foreign.containers import FEATHER, PACKED, SHEETS
 from ...records import RecordError
 from ...records.files import FORMATS
 from ..learning import sentence
+from ..opening import Opening
 from ..takeaway import KINDS
 from . import page_assets
 from .guard import Guard
 from .hub import Changed, Hub, NotDone
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
-from .worker import Opening
 
 AWAY = 10.0
 """Seconds without any page after which the workbench ends: a reload takes less."""

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import shutil
 import tempfile
 import weakref
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,13 +21,10 @@ from ...judgement import diagnose
 from ...records.numbers import as_pandas
 from ..acts import Add, AddedEffect, Columns, ModelSettings, Past, Roles
 from ..bench import Bench
-from ..learning import sentence
-from ..snapshots import snapshot
 from ..source import ReadLog
-from ..takeaway import KINDS, taken
-from ..tiles import Store, Tiles
+from ..tiles import Store
 from . import page_assets
-from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
+from .desk import Desk
 
 IN_MEMORY = "data in memory"
 
@@ -112,75 +106,6 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     return bench
 
 
-class Desk:
-    """What a notebook's screen asks and is told, whatever carries the messages.
-
-    `bench` (Bench). `tell` (callable): Sends a message to the screen.
-    """
-
-    def __init__(self, bench: Bench, tell: Any):
-        self.bench, self.tell = bench, tell
-        self.tiles = Tiles(bench.store)
-        self.revision = 0
-
-    @property
-    def curves(self) -> dict[str, dict[str, str]]:
-        """Names of curves in the store, by the keys of arrangements."""
-        return {key: found.curves for key, found in self.bench.kept.items()}
-
-    def show(self) -> None:
-        """Tell the screen all that it shows."""
-        self.revision += 1
-        found = self.bench.current
-        charts = [found.arrangement.key()] if found is not None and found.charts is not None else []
-        state = {**snapshot(self.bench), "revision": self.revision, "trouble": "", "charts": charts}
-        self.tell({"kind": "state", "content": state})
-
-    def work(self) -> None:
-        """Find out what is not known yet."""
-        while (chore := self.bench.next_chore()) is not None:
-            self.tell({"kind": "progress", "content": {"text": chore[0]}})
-            chore[1]()
-            self.show()
-        self.tell({"kind": "progress", "content": {"text": ""}})
-
-    def hear(self, message: dict[str, Any]) -> None:
-        """Answer a message: ``what`` is ready, do, piece, cloud, charts or take; ``number`` comes with the answer."""
-        what, number, given = message.get("what"), message.get("number"), message.get("given") or {}
-        try:
-            answer = self._answer(str(what), given)
-        except Exception as error:  # effects of the user's own raise whatever they like
-            gone = isinstance(error, NoSuchCurve)
-            problem = "These curves are no longer there." if gone else sentence(error)
-            self.tell({"kind": "failed", "number": number, "problem": problem})
-            return
-        self.tell({"kind": "done", "number": number, "content": known_json(answer)})
-        if what in ("ready", "do"):
-            self.show()
-            self.work()
-
-    def _answer(self, what: str, given: dict[str, Any]) -> Any:
-        if what == "ready":
-            if self.bench.current is None:
-                self.bench.start()
-            return {}
-        if what == "do":
-            return self.bench.perform(given)
-        if what == "piece":
-            return piece_of(self, given)
-        if what == "cloud":
-            return cloud_of(self, given)
-        if what == "charts":
-            found = self.bench.kept.get(str(given.get("key")))
-            return (found.charts if found else None) or []
-        if what == "take":
-            path = taken(self.bench, str(given.get("kind")), Path(self.bench.store.folder))
-            content = base64.b64encode(path.read_bytes()).decode()
-            shutil.rmtree(path.parent, ignore_errors=True)
-            return {"name": path.name, "media": KINDS[str(given["kind"])].media, "content": content}
-        raise ValueError(f"{what!r} is not known here.")
-
-
 def _widget_class() -> Any:
     """The class of the widget; made when it is first needed, as anywidget is an extra."""
     import anywidget
@@ -201,6 +126,8 @@ def _widget_class() -> Any:
         @property
         def model(self) -> DynamicBiasRegressor:
             """The model as it stands on the screen, fitted."""
-            return self.desk.bench.fit().model
+            bench = self.desk.bench
+            assert bench is not None  # it was made with one
+            return bench.fit().model
 
     return BenchWidget

@@ -10,60 +10,21 @@ import shutil
 import signal
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from ...estimators.progress import one_blas_thread
-from ...foreign import HowToRead
 from ...records import RecordError
-from ..acts import ModelSettings, guessed
 from ..bench import Bench
 from ..learning import sentence
+from ..opening import Opening
 from ..snapshots import snapshot
-from ..source import built_in, effects_in, opened
-from ..takeaway import past_node, reopened, taken, with_past
+from ..takeaway import past_node, taken
 from ..tiles import Store
 
 CANCELLED = "Cancelled: everything stands as it was."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Opening:
-    """What a workbench is opened with."""
-
-    paths: tuple[str, ...] = ()
-    """Files of the log; none for a built-in record."""
-    sample: str = ""
-    """Which built-in record; the first by default."""
-    names: tuple[str, ...] = ()
-    """What they are called, if that is not their paths' ends."""
-    how: HowToRead = field(default_factory=HowToRead)
-    join: bool = False
-    named: dict[str, str] = field(default_factory=dict)
-    """Columns whose role the user has said."""
-    settings: ModelSettings = field(default_factory=ModelSettings)
-    own_file: str = ""
-    session: str = ""
-    """File of a session to go on with."""
-    past: Any = None
-    """What was done already, as a session file has it."""
-
-    def bench(self, store: Store) -> Bench:
-        """The bench, its log read; RecordError where that cannot be."""
-        own = effects_in(self.own_file) if self.own_file else ()
-        if self.session:
-            bench = reopened(self.session, store, own, self.own_file)
-        else:
-            if self.paths:
-                source = opened(self.paths, self.how, join=self.join, names=self.names)
-            else:
-                source = built_in(self.sample)
-            roles = guessed(source.frame, **self.named)
-            bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
-        return bench if self.past is None else with_past(bench, self.past)
 
 
 class Interruptible:

@@ -5,7 +5,7 @@
   const { element, number, bar } = tc;
   const CARDS = 3; // causes that are shown unfolded
   const UNPROVEN = { proven: "", helps: "helps; cause not proven" };
-  const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", time: "time", run: "run", ignored: "ignore" };
+  const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", reference: "reference", time: "time", run: "run", ignored: "ignore" };
 
   const details = (summary, open, ...children) => element("details", { open }, element("summary", {}, summary), ...children);
 
@@ -15,7 +15,7 @@
     const table = element("table", { class: "columns" }, element("caption", { class: "unseen" }, "columns of the log and their roles"), element("tbody", {}, state.columns.map((column) => {
       const select = element("select", { "aria-label": `role of ${column.shown}`, "data-at": `role ${column.name}` });
       for (const [role, text] of Object.entries(ROLES)) {
-        if ((role === "temperature" || role === "reading") && !may[column.kind] && column.role !== role) continue;
+        if (["temperature", "reading", "reference"].includes(role) && !may[column.kind] && column.role !== role) continue;
         select.append(element("option", { value: role }, text));
       }
       select.value = column.role;
@@ -28,11 +28,12 @@
     const apply = () => {
       refused.textContent = "";
       const of = (role) => [...selects].filter(([, select]) => select.value === role).map(([name]) => name);
-      for (const role of ["temperature", "reading", "time", "run"]) {
+      for (const role of ["temperature", "reading", "reference", "time", "run"]) {
         if (of(role).length > 1) { refused.textContent = `Several columns are to be the ${role}: ${of(role).join(", ")}. Only one can.`; return; }
       }
-      if (!of("temperature").length || !of("reading").length) { refused.textContent = "Say which column is the temperature and which the reading."; return; }
-      act.do({ do: "columns", temperature: of("temperature")[0], reading: of("reading")[0], time: of("time")[0] ?? null, run: of("run")[0] ?? null, ignored: of("ignored") }, (text) => { refused.textContent = text; });
+      const temperature = of("temperature")[0] ?? (of("reference").length ? of("reading")[0] : undefined); // a thermometer that heats itself
+      if (!temperature || !of("reading").length) { refused.textContent = "Say which column is the temperature and which the reading."; return; }
+      act.do({ do: "columns", temperature, reading: of("reading")[0], reference: of("reference")[0] ?? null, time: of("time")[0] ?? null, run: of("run")[0] ?? null, ignored: of("ignored") }, (text) => { refused.textContent = text; });
     };
     return [
       element("h2", {}, "Columns"),

@@ -94,7 +94,7 @@
     menus(state) { // what can be done with any log, in the program's words
       const each = (named, make) => Object.entries(named).map(([name, text]) => make(name, text));
       const button = (what, run) => (name, text) => element("button", { type: "button", [what]: name, onclick: () => run(name) }, text);
-      this.at("samples")?.append(...each(state.samples, (name, text) => element("option", { value: name }, text)));
+      if (this.at("samples")?.options.length < 2) this.at("samples").append(...each(state.samples, (name, text) => element("option", { value: name }, text)));
       this.at("take").append(...each(state.take, button("data-take", (kind) => this.take(kind))));
       this.marks.append(element("span", { class: "fine" }, "this stretch: "), ...each(state.marks, button("data-mark", (what) => this.mark(what))));
     }

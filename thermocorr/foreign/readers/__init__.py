@@ -1,0 +1,39 @@
+"""Logs that are no tables: a reader for each, found by the first lines of the file.
+
+A reader is a module with two functions. ``recognises(lines)`` says whether the first lines (list of str) are its own;
+``read(lines, reading)`` makes a frame of all of them, and says in words how. Enter it in `READERS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import pandas as pd
+
+from . import esphome, json_lines, line_protocol, serial_monitor
+
+
+class Reader(NamedTuple):
+    """What reads the logs of one kind of program."""
+
+    recognises: Callable[[Sequence[str]], bool]
+    read: Callable[[Sequence[str], str | None], tuple[pd.DataFrame, str]]
+
+
+READERS = tuple(
+    Reader(module.recognises, module.read) for module in (json_lines, esphome, line_protocol, serial_monitor)
+)
+"""The first that recognises a file reads it."""
+
+
+LONGEST = 2000
+"""Characters of a line at most: no program of these writes longer ones."""
+
+
+def reader_of(lines: Sequence[str]) -> Reader | None:
+    """The reader of a file that begins with these lines; None for a table."""
+    filled = [line for line in lines if line.strip()]
+    if max(map(len, filled), default=0) > LONGEST:
+        return None
+    return next((reader for reader in READERS if filled and reader.recognises(filled)), None)

@@ -1,0 +1,49 @@
+"""What a workbench is opened with: files, a built-in record, a session, or what was done before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..foreign import HowToRead
+from .acts import ModelSettings, guessed
+from .bench import Bench
+from .source import built_in, effects_in, opened
+from .takeaway import reopened, with_past
+from .tiles import Store
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """What a workbench is opened with."""
+
+    paths: tuple[str, ...] = ()
+    """Files of the log; none for a built-in record."""
+    sample: str = ""
+    """Which built-in record; the first by default."""
+    names: tuple[str, ...] = ()
+    """What they are called, if that is not their paths' ends."""
+    how: HowToRead = field(default_factory=HowToRead)
+    join: bool = False
+    named: dict[str, str] = field(default_factory=dict)
+    """Columns whose role the user has said."""
+    settings: ModelSettings = field(default_factory=ModelSettings)
+    own_file: str = ""
+    session: str = ""
+    """File of a session to go on with."""
+    past: Any = None
+    """What was done already, as a session file has it."""
+
+    def bench(self, store: Store) -> Bench:
+        """The bench, its log read; RecordError where that cannot be."""
+        own = effects_in(self.own_file) if self.own_file else ()
+        if self.session:
+            bench = reopened(self.session, store, own, self.own_file)
+        else:
+            if self.paths:
+                source = opened(self.paths, self.how, join=self.join, names=self.names)
+            else:
+                source = built_in(self.sample)
+            roles = guessed(source.frame, **self.named)
+            bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
+        return bench if self.past is None else with_past(bench, self.past)
