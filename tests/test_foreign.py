@@ -268,9 +268,24 @@ def test_files_of_two_loggers_are_joined_in_time(written):
     )
     assert "2 files joined on the times of meter.csv" in table.said
     with pytest.raises(RecordError, match="In which file is the reading"):
-        joined([room, meter], None, HowToRead())
+        joined([room, room], None, HowToRead())
+    np.testing.assert_array_equal(
+        joined([room, meter], None, HowToRead()).frame["dmm"], U
+    )  # the only one with a reading
     with pytest.raises(RecordError, match="cannot be joined"):
         joined([written(GOOD["seconds"], "s.csv"), meter], None, HowToRead())
+
+
+def test_files_of_two_forms_are_joined_each_with_its_own(written):
+    """Days first with decimal commas, and ISO 8601 in UTC; the file with the reading is told."""
+    rows = [(f"{t:%d.%m.%Y %H:%M:%S};{comma(U[k])}\n", f"{t.isoformat()}Z,{T[k]}\n") for k, t in enumerate(TIMES)]
+    meter = written("Datum;Messwert [mV]\n" + "".join(row for row, _ in rows), "m.csv")
+    room = written("timestamp,room_degC\n" + "".join(row for _, row in rows), "r.csv")
+    with pytest.raises(RecordError, match="say --timezone"):
+        joined([meter, room], None, HowToRead())
+    table = joined([meter, room], None, HowToRead(timezone="UTC"))
+    np.testing.assert_allclose(table.frame["room_degC"], T, atol=1e-12)
+    np.testing.assert_array_equal(table.frame["Messwert [mV]"], U)
 
 
 def test_units_of_names():

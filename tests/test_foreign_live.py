@@ -377,3 +377,17 @@ def test_what_only_the_whole_log_tells_is_not_followed(name, analyzed, written, 
     else:
         followed = pd.read_csv(io.StringIO(shown.out))
         np.testing.assert_allclose(followed["corrected"], whole["corrected"], rtol=0, atol=1e-9)
+
+
+def test_a_pipe_without_a_header_gets_its_names(analyzed, capsys, monkeypatch, tmp_path):
+    text = GOOD["commas"]
+    folder = analyzed(text)
+    bare = tmp_path / "bare.csv"
+    bare.write_text("# logger 7\n" + text.split("\n", 1)[1])
+    capsys.readouterr()
+    for names, status in (([], 2), (["--names", "time,temperature,reading"], 0)):
+        with bare.open() as stream:
+            monkeypatch.setattr("sys.stdin", stream)
+            assert main(["correct", "-", "--model", str(folder / "model.json"), *names]) == status
+        shown = capsys.readouterr()
+        assert "--names" in shown.err if status else len(shown.out.splitlines()) == 1 + N

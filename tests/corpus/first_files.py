@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from .foreign_logs import DAY, SPAN, TIMES, N, home_assistant, lines, semicolons
+from .foreign_logs import DAY, SPAN, TIMES, N, comma, home_assistant, lines, semicolons
 
 LATE = np.round(23 + 0.5 * np.sin((np.arange(N) - 4) / 5), 3)
 """A thermometer that follows the other one."""
@@ -220,6 +220,42 @@ FIRST |= {
     "UTC beside the local time": lines(
         "Local Time,UTC Time,Temp,Weight\n", lambda k, t, a, b: f"{t + pd.Timedelta('2h')},{t},{a},{b}"
     ),
+}
+
+FIRST |= {
+    "R, the header one name shorter": lines(
+        '"time" "temp" "weight"\n', lambda k, t, a, b: f'"{k + 1}" "{t.isoformat()}" {a} {b}'
+    ),
+    "a comma at the end of the rows alone": rows("time,temp,weight\n", ISO + ",{a},{b},"),
+    "dates in parts": lines(
+        "Year,Month,Day,Hour,Minute,Second,Temp,Weight\n",
+        lambda k, t, a, b: f"{t.year},{t.month},{t.day},{t.hour},{t.minute},{t.second},{a},{b}",
+    ),
+    "time, sensor, value": lines("time,sensor,value\n", lambda k, t, a, b: f"{t},oven_temp,{a}\n{t},scale,{b}"),
+    "ESPHome of today": esphome()
+    .replace(": Sending state", " >>")
+    .replace(" with 1 decimals of accuracy", "")
+    .replace(" with 2 decimals of accuracy", "\x1b[0m"),
+    "Swiss thousands": lines("time;temp;weight\n", lambda k, t, a, b: f"{t};{a};{b:,.3f}".replace(",", "'")),
+    "Swiss thousands between commas": lines(
+        "time,temp,weight\n", lambda k, t, a, b: f"{t};{a};{b:,.3f}".replace(",", "\u2019").replace(";", ",")
+    ),
+    "French thousands": lines(
+        "time;temp;weight\n",
+        lambda k, t, a, b: f"{t};{comma(a)};1\u202f{comma(b)[1:]}" if b >= 1000 else f"{t};{comma(a)};{comma(b)}",
+    ),
+    "modified Julian dates": lines(
+        "MJD,Temp_C,Freq_Hz\n", lambda k, t, a, b: f"{60_460.986111111 + k / 1440:.9f},{a},{b}"
+    ),
+    "a weekday in front": rows("Time,Temp,Weight\n", "{t:%a %d/%m/%Y %H:%M:%S},{a},{b}"),
+    "dates at midnight beside times of day": rows(
+        "Date,Time,Temp,Weight\n", "{t:%Y-%m-%d} 00:00:00,{t:%H:%M:%S},{a},{b}"
+    ),
+    "days and times of day": lines(
+        "doy,hhmm,temp,weight\n", lambda k, t, a, b: f"{t.day_of_year},{int(f'{t:%H%M}')},{a},{b}"
+    ),
+    "constants beside": rows("time,DIO,Ch1 (C),Ch2 (V),Totalizer\n", ISO + ",255,{a},{b},0"),
+    "relative time": lines("Relative Time (s),Temp (C),Value (V)\n", lambda k, t, a, b: f"{60 * k}.0,{a},{b}"),
 }
 
 ASKED = {

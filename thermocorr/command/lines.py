@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import select
 import stat
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -121,11 +123,15 @@ class FileLines(Lines):
 class PipeLines(Lines):
     """Lines of a pipe. Told to stop, it still gives what it has read, to the end of the last line.
 
-    `descriptor` (int). `idle`, `stop` (see `FileLines`). `own` (bool): Close it at the end.
+    `descriptor` (int). `idle`, `stop` (see `FileLines`). `own` (bool): Close it at the end. `names` (sequence of str):
+    Of the columns, where there is no header.
     """
 
-    def __init__(self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False):
+    def __init__(
+        self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False, names: Sequence[str] = ()
+    ):
         self.descriptor, self.idle, self.stop, self.own = descriptor, idle, stop, own
+        self._header = csv_line(names) if names else b""
         self._comments = 0
         """Lines before the header, which are passed over."""
         self._begun = False
@@ -166,7 +172,10 @@ class PipeLines(Lines):
             self._comments += 1
             self._before = line
             return
-        if not self._begun and self._before and _has_names(self._before, line):
+        if not self._begun and self._header:
+            self._comments -= 1
+            yield self._header
+        elif not self._begun and self._before and _has_names(self._before, line):
             self._comments -= 1
             yield self._before + b"\n"
         self._begun = True
@@ -180,6 +189,13 @@ class PipeLines(Lines):
         """Close the pipe."""
         if self.own:
             os.close(self.descriptor)
+
+
+def csv_line(cells: Sequence[str]) -> bytes:
+    """Cells as a line of plain CSV."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(cells)
+    return out.getvalue().encode()
 
 
 def _has_names(comment: bytes, behind: bytes) -> bool:
@@ -341,12 +357,12 @@ def open_lines(
     how = how or HowToRead()
     if log == "-":
         _refuse_foreign("standard input", how)
-        return PipeLines(sys.stdin.fileno(), idle, stop)
+        return PipeLines(sys.stdin.fileno(), idle, stop, names=how.names)
     path = existing_file(log)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             _refuse_foreign(str(path), how)
-            return PipeLines(os.open(path, os.O_RDONLY), idle, stop, own=True)
+            return PipeLines(os.open(path, os.O_RDONLY), idle, stop, own=True, names=how.names)
         if _is_native(path, how, time):
             return FileLines(path, follow, idle, stop)
     except OSError as error:
@@ -386,7 +402,7 @@ def _times_in(frame: pd.DataFrame, named: str | None, how: HowToRead) -> str | N
 
 
 def _refuse_foreign(what: str, how: HowToRead) -> None:
-    if how.says_something():
+    if replace(how, names=()).says_something():
         raise RecordError(f"{what} is read line by line, as plain CSV. Give a file to read it in another way.")
 
 

@@ -53,8 +53,8 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--time-format",
         metavar="FORMAT",
-        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, matlab, labview, unix, 'unix ms', 'unix us', "
-        "'unix ns', hhmm, seconds",
+        help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, matlab, mjd, jd, labview, unix, 'unix ms', "
+        "'unix us', 'unix ns', hhmm, seconds",
     )
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
     group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")

@@ -91,6 +91,9 @@ FAR = 10.0
 """A step of more than so many usual ones is none of a log that goes on."""
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
 """Serial numbers of 1970 and 2050 in a spreadsheet, whose day 0 is 1899-12-30. Modified Julian days are more by now."""
+DAY_ZERO = {"excel": 25_569.0, "matlab": 719_529.0, "mjd": 40_587.0, "jd": 2_440_587.5}
+"""Forms of times that are numbers of days -> the number of 1970-01-01."""
+DAY_WORDS = {"excel": "a spreadsheet", "matlab": "MATLAB", "mjd": "modified Julian dates", "jd": "Julian dates"}
 DAYS_OF_MATLAB = (719_529.0, 748_750.0)
 """Day numbers of 1970 and 2050 in MATLAB, whose day 1 is the first of the year 0."""
 _SECONDS = ("s", "sec", "second", "seconds", "elapsed")
@@ -100,7 +103,7 @@ DAILY = (0.5, 1.0, 7.0)
 """Steps of logs in whole days and weeks."""
 LABVIEW = 2_082_844_800.0
 """Seconds from 1904, from which LabVIEW counts, to 1970."""
-SPANS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
+SPANS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
 """Unit of a column of times -> its seconds."""
 
 _DATES = {
@@ -117,6 +120,8 @@ _DATES = {
     r"\d{1,2}-[A-Za-z]{3}-\d{2}": ("%d-%b-%y",),
     r"\d{1,2} [A-Za-z]{3} \d{4}": ("%d %b %Y",),
     r"[A-Za-z]{3} \d{1,2},? \d{4}": ("%b %d %Y",),
+    r"[A-Za-z]{3},? \d{1,2}[./]\d{1,2}[./]\d{4}": ("%a %d/%m/%Y", "%a %m/%d/%Y", "%a %d.%m.%Y"),
+    r"[A-Za-z]{3},? \d{1,2} [A-Za-z]{3} \d{4}": ("%a %d %b %Y",),
 }
 """How dates look, and which formats may be meant, of `strptime`."""
 _COMMA = re.compile(r"(:\d\d),(\d)")
@@ -140,9 +145,9 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     """Times of a column as dates, spans or seconds.
 
     `values` (Series of shape (n,)): Text, numbers or dates. `form` (str, optional): A format of `strptime`, or
-    "excel", "matlab", "labview", "unix", "unix ms", "unix us", "unix ns", "hhmm", "seconds". `zone` (str, optional):
-    Time zone of local times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that have two
-    readings, and those that have none.
+    "excel", "matlab", "mjd", "jd", "labview", "unix", "unix ms", "unix us", "unix ns", "hhmm", "seconds". `zone` (str,
+    optional): Time zone of local times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that
+    have two readings, and those that have none.
     """
     if kind_of(values) == "text" and is_number(first_cell(values)):
         text: Any = values.astype("string").str.strip()
@@ -182,10 +187,9 @@ def _of_numbers(values: pd.Series[Any], form: str | None) -> Understood:
         form = _form_of(known, str(values.name))
     if form is None or form == "seconds":
         return Understood(values)
-    if form in ("excel", "matlab"):
-        first, words = (DAYS_OF_EXCEL[0], "a spreadsheet") if form == "excel" else (DAYS_OF_MATLAB[0], "MATLAB")
-        whole = np.round((numbers - first) * 86_400e3)  # to the millisecond, as spreadsheets show them
-        return Understood(_counted(whole, "ms", values), f"days of {words}")
+    if form in DAY_ZERO:
+        whole = np.round((numbers - DAY_ZERO[form]) * 86_400e3)  # to the millisecond, as spreadsheets show them
+        return Understood(_counted(whole, "ms", values), f"days of {DAY_WORDS[form]}")
     if form == "hhmm":
         clocks = clocks_of_digits(values)
         if clocks is None:
@@ -233,6 +237,9 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
     words = re.split(r"[^a-z]+", name.lower())
     if _looks_like_hhmm(known, words):
         return "hhmm"
+    julian = next((word for word in words if word in ("mjd", "jd")), None)
+    if julian is not None and low > DAY_ZERO[julian]:
+        return julian
     if any(word in _SECONDS for word in words) or low < DAYS_OF_EXCEL[0]:
         return None
     step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
@@ -246,7 +253,7 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
     if not (dense and whole and (in_excel or in_matlab)):
         raise RecordError(
             f"Are the numbers in {quoted(name)}, such as {known[0]:.10g}, seconds, or days of a spreadsheet or of "
-            "another clock? Say it with --time-format seconds, excel or matlab; convert others to dates."
+            "another clock? Say it with --time-format seconds, excel, matlab, mjd or jd."
         )
     return "excel" if in_excel else "matlab"
 
@@ -506,7 +513,7 @@ def _named(times: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 def _unknown_form(form: str) -> RecordError:
     return RecordError(
         f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, "
-        "matlab, labview, unix, unix ms, unix us, unix ns, hhmm, seconds."
+        "matlab, mjd, jd, labview, unix, unix ms, unix us, unix ns, hhmm, seconds."
     )
 
 

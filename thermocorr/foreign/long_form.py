@@ -12,7 +12,7 @@ from ..records import RecordError
 from ..records.types import kind_of
 from ..records.units import unit_of_text
 from .roles import reading_among
-from .values import IN_DOUBT, is_number, plain_cell
+from .values import IN_DOUBT, first_cell, is_moment, is_number, plain_cell
 
 _WITH_UNIT = re.compile(r"(?P<number>[-+0-9.,eE]+)\s*(?P<unit>[^\d\s.,+-].*)")
 
@@ -38,7 +38,7 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
     It has the times of the `reading`, or of the column with most values. Values of other columns are taken as a
     straight line in time between their own, as the temperature is; none between a value and a state that is no number.
     """
-    shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None)
+    shape = next((shape for shape in SHAPES if set(shape) <= set(frame.columns)), None) or _of_three(frame)
     if shape is None:
         return frame, ""
     by = "entity_id" if "entity_id" in frame.columns else shape.name
@@ -53,6 +53,40 @@ def widened(frame: pd.DataFrame, reading: str | None = None) -> tuple[pd.DataFra
         return frame, ""
     result, lead = wide(times, names, values, reading)
     return result, f"one line for each value: {len(result.columns) - 1} columns, on the times of {lead!r}"
+
+
+def _of_three(frame: pd.DataFrame) -> LongShape | None:
+    """A time, a name and a value in three columns, the same names again and again; None for any others."""
+    kinds = {str(name): kind_of(frame[name]) for name in frame.columns}
+    texts, numbers = ([name for name, kind in kinds.items() if kind == one] for one in ("text", "number"))
+    times = [name for name in texts if is_moment(first_cell(frame[name]))]
+    names = [name for name in texts if name not in times]
+    if len(kinds) != 3 or not len(times) == len(names) == len(numbers) == 1:
+        return None
+    count = frame[names[0]].nunique()
+    again = frame[times[0]].duplicated().any() or count == 2
+    return LongShape(times[0], names[0], numbers[0]) if 2 <= count <= MOST_SERIES and again else None
+
+
+MOST_SERIES = 100
+"""Names of a log with one line for each value, at most."""
+PARTS = ("year", "month", "day", "hour", "minute", "second")
+
+
+def whole_dates(frame: pd.DataFrame) -> tuple[pd.DataFrame, str]:
+    """Year, month, day, hour, minute and second of columns of their own as one column of times; what was done."""
+    found = {str(name).strip().lower(): name for name in frame.columns}
+    parts = [found[part] for part in PARTS if part in found]
+    if len(parts) < 4 or [str(part).strip().lower() for part in parts] != list(PARTS[: len(parts)]):
+        return frame, ""
+    if any(kind_of(frame[part]) != "number" for part in parts):
+        return frame, ""
+    times = pd.to_datetime(frame[parts].set_axis(list(PARTS[: len(parts)]), axis=1), errors="coerce")
+    if times.isna().any():
+        return frame, ""
+    rest = frame.drop(columns=parts)
+    rest.insert(0, "time" if "time" not in rest.columns else "time of the parts", times)
+    return rest, f"{', '.join(map(str, parts))} joined"
 
 
 def wide(

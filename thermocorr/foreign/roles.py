@@ -27,7 +27,7 @@ READINGS = re.compile(
 SURROUNDINGS = re.compile(
     r"humid|feucht|^rh|pressure|druck|baro|suppl|batt|^setp|set[_ ]?point|target|rssi|quality|serial|logged|connected"
     r"|attached|detached|stopped|end of file|signal|status|alarm"
-    r"|(?<![a-z])(dew|wind(?!ing)|solar|rain|state|flag|error)",
+    r"|^(ms|msec|sub|lat|lon|elevation|ele)$|(?<![a-z])(dew|wind(?!ing)|solar|rain|state|flag|error)",
     re.I,
 )
 """Names of what is recorded beside a reading."""
@@ -38,7 +38,9 @@ RUN = "file"
 RUNS = ("run", "run_id", "run id", RUN)
 """Names, in small letters, that labels of runs go by; several files are such runs."""
 CLOCKS = re.compile(
-    r"^(hhmm|elapsed|uptime|epoch|unix|seconds?|secs?|millis|ms|time|zeit|temps|tiempo|datenum)(?![a-z])", re.I
+    r"(?:^|(?<=relative )|(?<=sample ))(hhmm|elapsed|uptime|epoch|unix|seconds?|secs?|millis|ms|time(?:stamp)?|zeit"
+    r"|laufzeit|minuten|sekunden|temps|tiempo|tid|datenum|doy|mjd|jd|t[_ ]ms|ts)(?![a-z])|(?<![a-z])ts$",
+    re.I,
 )
 """Beginnings of names of times that are numbers."""
 FEWEST = 10
@@ -115,6 +117,7 @@ def guess(
     others = [name for name in numbers if name not in thermometers]
     stated = [name for name in thermometers if unit_of(name, frame) in DEGREES]
     thermometers = stated or thermometers  # a unit that stands there says more than a name
+    others = moving(frame, others) if len(others) > 1 else others
     measured = [name for name in others if not SURROUNDINGS.search(name) and not SPREADS.search(name.replace("_", " "))]
     if reference is not None:
         own = thermometers if _is_temperature(reference, frame) and thermometers else numbers
@@ -147,15 +150,15 @@ def guess(
         in_doubt["reading"] = tuple(called if len(called) > 1 else measured or others)
     if temperature is None and reading is not None:
         rest = [name for name in others if name != reading]
-        if len(rest) == 1 and not SURROUNDINGS.search(rest[0]):
+        if len(rest) == 1 and not SURROUNDINGS.search(rest[0]) and not _stands(frame[rest[0]]):
             temperature, why["temperature"] = rest[0], "the only other column"
-    found = {"temperature": temperature, "reading": reading, "time": time}
-    for role, name in found.items():
+    told = {"temperature": temperature, "reading": reading, "time": time}
+    for role, name in told.items():
         alike = [] if name is None else [str(c) for c in frame.columns if _plain(str(c)) == _plain(name)]
-        if name not in given and len(alike) > 1 and name != _plain(name):  # one name for several columns
-            found[role], in_doubt[role] = None, tuple(alike)
+        if name is not None and name not in given and len(alike) > 1 and name != _plain(name):  # one name for several
+            told[role], in_doubt[role] = None, tuple(alike)
             why.pop(role, None)
-    temperature, reading, time = found.values()
+    temperature, reading, time = told.values()
     for name in (temperature, reading):
         if name in words:
             raise RecordError(
@@ -205,7 +208,8 @@ def time_of(frame: pd.DataFrame, taken: Collection[str] = (), why: dict[str, str
         if why is not None:
             why["time"] = "the only column of dates" if len(dates) == 1 else "of the columns of dates the steadiest"
         return steady
-    clocks = [name for name in names if CLOCKS.search(name.strip()) and _rises(frame[name])]
+    clocks = [name for name in names if name.strip().lower() == "hhmm"]
+    clocks = clocks or [name for name in names if CLOCKS.search(name.strip()) and _rises(frame[name])]
     if not clocks and all(name.isdigit() for name in map(str, frame.columns)):  # no name tells anything
         clocks = [name for name in names[:1] if _rises(frame[name])]
     if clocks and why is not None:
@@ -243,7 +247,7 @@ def closest(frame: pd.DataFrame, names: Sequence[str], reference: str) -> str:
 
 
 def moving(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
-    """Of several thermometers those that move: no set points, whose few levels stand while others change."""
+    """Of several columns those that move: no set points or states, whose few levels stand while others change."""
     moved = {name: float(np.mean(np.diff(frame[name].to_numpy(float)) != 0)) for name in names}
     found = [name for name in names if moved[name] > STANDS * max(moved.values(), default=0.0)]
     return found or list(names)

@@ -23,7 +23,7 @@ from ..records.units import unit_of
 from .containers import FEATHER, PACKED, SHEETS, feather, refuse_unread, spreadsheet, unpacked
 from .how import ForeignTable, HowToRead
 from .long_form import on_times
-from .roles import RUN, time_of
+from .roles import RUN, guess, time_of
 from .sniffing import TOTALS
 from .text_tables import HEAD, first_lines, is_plain, text_table
 from .timed import with_times
@@ -206,6 +206,9 @@ def joined(paths: Sequence[str | Path], time: str | None, how: HowToRead) -> For
     if main is None:
         main = next((k for k, table in enumerate(tables) if "reading" in table.frame.columns), None)
     if main is None:
+        told = [k for k, table in enumerate(tables) if guess(table.frame, time=columns[k]).reading is not None]
+        main = told[0] if len(told) == 1 else None
+    if main is None:
         raise RecordError("In which file is the reading? Name its column with --reading.")
     if any(column is None for column in columns):
         at = columns.index(None)
@@ -244,7 +247,9 @@ def _timed(path: str | Path, time: str | None, how: HowToRead) -> ForeignTable:
     column = _time_name(table.frame, time, how)
     if column is None:
         return table
-    table = with_times(table, column, how)
+    own = with_times(table, column, replace(how, timezone=None))  # of several files one may have its zone already
+    zoned = isinstance(dates_once(own.frame[column]).dtype, pd.DatetimeTZDtype)
+    table = own if zoned or how.timezone is None else with_times(table, column, how)
     return table.with_said(table.frame.assign(**{column: dates_once(table.frame[column])}))
 
 
@@ -271,7 +276,8 @@ def _refuse_other_clocks(
     for path, clock in zip(paths[1:], clocks[1:], strict=True):
         if clock != clocks[0]:
             raise RecordError(
-                f"The times of {paths[0]} are {clocks[0]}, those of {path} {clock}: they cannot be joined."
+                f"The times of {paths[0]} are {clocks[0]}, those of {path} {clock}: they cannot be joined. "
+                "If those without a zone are local times, say --timezone."
             )
 
 

@@ -124,7 +124,8 @@ class Dialect:
     @property
     def is_plain(self) -> bool:
         """Whether the file is CSV as this package writes it; there may be comments between its rows."""
-        return (self.separator, self.decimal, self.header, self.first, self.grouped) == (",", ".", 0, 1, False)
+        read = (self.separator, self.decimal, self.header, self.first, self.grouped, self.spare)
+        return read == (",", ".", 0, 1, False, 0)
 
     def said(self) -> list[str]:
         """What is unusual, in words."""
@@ -141,14 +142,18 @@ class Dialect:
 
     def fields(self, line: str) -> list[str]:
         """The cells of a line."""
-        if self.separator == BLANKS:
+        if self.separator == BLANKS and '"' not in line:
             return line.split()
         if '"' not in line:
             return line.split(self.separator)
         try:
-            return next(csv.reader([line], delimiter=self.separator, strict=True), [])
+            return next(csv.reader([self._bare(line)], delimiter=self.separator, strict=True), [])
         except csv.Error:
             return []
+
+    def _bare(self, line: str) -> str:
+        """A line with one blank where several part its cells."""
+        return " ".join(line.split()) if self.separator == BLANKS else line
 
     def plain(self, text: str) -> str:
         """The rows of a file as plain CSV, each on the line on which it stood; what is no row is an empty line.
@@ -332,6 +337,7 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
     Against it are lines behind it that are no rows, and rows before it.
     """
     data = [_is_row(row, look) for row in look.rows]
+    look = look._replace(rows=[_widened(row, k, data, look) for k, row in enumerate(look.rows)])
     filled = [bool(row) for row in look.rows]
     candidates = []
     for k, row in enumerate(look.rows):
@@ -373,6 +379,18 @@ def _with_header(lines: Sequence[str], look: Looked) -> Dialect | None:
         spare=spare,
         remarks=remarks,
     )
+
+
+def _widened(row: list[str], k: int, data: Sequence[bool], look: Looked) -> list[str]:
+    """A line of names with one more, where each row has a cell more: an empty one behind, or its number in front."""
+    if data[k] or len(row) != look.width - 1 or not row or any(is_value(cell) for cell in row if cell.strip()):
+        return row
+    rows = [one for one, is_row in zip(look.rows, data, strict=True) if is_row]
+    if not any(one[-1].strip() for one in rows):
+        return [*row, ""]
+    first = [one[0].strip().strip('"') for one in rows]
+    numbered = all(cell.isdigit() for cell in first) and np.diff([int(cell) for cell in first] or [0, 1]).all()
+    return ["", *row] if numbered else row
 
 
 def _with_commented_header(lines: Sequence[str], look: Looked, data: Sequence[bool]) -> Dialect | None:

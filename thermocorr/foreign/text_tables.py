@@ -13,7 +13,7 @@ from ..records.errors import quoted, times_word
 from ..records.files import LONGEST, RowError, csv_table
 from ..records.grammar import is_missing
 from .how import ForeignTable, HowToRead
-from .long_form import widened, without_units
+from .long_form import whole_dates, widened, without_units
 from .readers import reader_of
 from .sniffing import SAMPLE, Decoded, Dialect, decoded, sniff
 from .values import is_value
@@ -185,6 +185,8 @@ def _first_line(frame: pd.DataFrame, n_lines: int, before: int) -> int | None:
 
 def _arranged(table: ForeignTable, reading: str | None) -> ForeignTable:
     """One column for each quantity, of numbers without their units."""
+    whole, words = whole_dates(table.frame)
+    table = replace(table.with_said(whole, words), first_line=None) if words else table
     wide, words = widened(table.frame, reading)
     table = replace(table.with_said(wide, words), first_line=None) if words else table
     bare, units = without_units(table.frame)

@@ -27,7 +27,7 @@ UNITS_IN_NAMES = {
     for unit, words in {
         "ms": "ms msec msecs millis millisecond milliseconds millisekunden", "ns": "ns nanoseconds",
         "us": "us usec micros microseconds", "min": "min mins mn minute minutes minuten minutos",
-        "h": "h hr hrs hh hour hours stunden std heures horas", "d": "d day days tage jours dias",
+        "h": "h hr hrs hh hour hours stunden std heures horas", "d": "d day days tage jours dias doy",
         "s": "s sec secs second seconds sekunden secondes segundos",
     }.items()
     for word in words.split()
@@ -56,6 +56,7 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     read = read or understood(frame[column], how.time_format, how.timezone)
     read = read if how.timezone else _in_named_zone(read, column)
     frame, read = _with_fraction(frame, read, column)
+    frame, read = _with_days(frame, read, column)
     if read.form:
         table = replace(table, form={**table.form, "time_format": read.form})
     if read.times is not frame[column]:
@@ -65,6 +66,24 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     table = table.with_said(frame, words, read.said)
     table = _sorted(table, column) if how.sort else table
     return _once_each(table, column, how.run) if how.drop_duplicates else table
+
+
+DAY_NUMBERS = ("day", "tag", "doy", "jday", "day of year", "day_of_year")
+"""Names of columns that number the days of times of day, in small letters."""
+
+
+def _with_days(frame: pd.DataFrame, read: Understood, column: str) -> tuple[pd.DataFrame, Understood]:
+    """Times of day with the numbers of their days, which stand in a column of their own."""
+    name = next((n for n in frame.columns if _plain_name(n) in DAY_NUMBERS and n != column), None)
+    if name is None or kind_of(read.times) != "span" or kind_of(frame[name]) != "number":
+        return frame, read
+    days = frame[name].astype(float)
+    steps = days.diff().iloc[1:]
+    if not ((steps >= 0) & (steps % 1 == 0)).all() or not (steps > 0).any():
+        return frame, read
+    of_day = read.times.dt.total_seconds() % 86_400.0
+    times = pd.to_timedelta(((days - days.iloc[0]) * 86_400.0 + of_day) * 1e9, unit="ns")
+    return frame.drop(columns=[name]), Understood(times, f"times of day with the days of {quoted(name)}")
 
 
 FRACTIONS = {"fractional seconds": 1.0, "fraction": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3, "milliseconds": 1e-3}
@@ -170,6 +189,7 @@ def _joined(frame: pd.DataFrame, column: str) -> tuple[pd.DataFrame, str]:
         return parted.frame.drop(columns=[parted.half]), f"{quoted(column)} and {quoted(parted.half)} joined"
     dates, clocks = pair
     cells = [parted.frame[name].astype("string").str.strip() for name in pair]
+    cells[0] = cells[0].str.replace(_MIDNIGHT, "", regex=True)
     other = [name for name in (dates, clocks, parted.half) if name not in (column, None)]
     rest = frame.drop(columns=other).assign(**{column: (cells[0] + " " + cells[1]).astype(object)})
     half = "" if parted.half is None else f" and {quoted(parted.half)}"
@@ -217,7 +237,8 @@ def _with_half(frame: pd.DataFrame, column: str) -> _Parted:
 
 
 def _is_half(values: pd.Series[Any]) -> bool:
-    return len(values) > 0 and bool(values.astype("string").str.strip().str.fullmatch(r"[AaPp]\.?[Mm]\.?").fillna(False).all())
+    halves = values.astype("string").str.strip().str.fullmatch(r"[AaPp]\.?[Mm]\.?")
+    return len(values) > 0 and bool(halves.fillna(False).all())
 
 
 def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
@@ -238,9 +259,14 @@ def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
     return (str(other), column) if clock_only else (column, str(other))
 
 
+_MIDNIGHT = re.compile(r"[ T]00:00(?::00(?:[.]0+)?)?$")
+
+
 def _is_part(values: pd.Series[Any], mark: str) -> bool:
     """Whether a column has times of day alone (`mark` ":"), or dates alone ("")."""
     cell = first_cell(values) if kind_of(values) == "text" else ""
+    if not mark and _MIDNIGHT.search(cell):  # dates with a time of day that is always midnight
+        return bool(values.astype("string").str.strip().str.contains(_MIDNIGHT).fillna(True).all())
     return is_moment(cell) and ((":" in cell and not _has_date(cell)) if mark else ":" not in cell)
 
 

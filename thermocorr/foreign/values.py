@@ -99,7 +99,7 @@ def _numbers(cells: pd.Series[Any]) -> np.ndarray:
     """Numbers of cells, NaN for what is none."""
     numbers: Any = pd.to_numeric(cells, errors="coerce")
     if numbers.isna().any():
-        numbers = pd.to_numeric(cells.astype("string").str.translate(MINUS).astype(object), errors="coerce")
+        numbers = pd.to_numeric(cells.astype("string").map(_bare, na_action="ignore").astype(object), errors="coerce")
     return np.asarray(numbers, float)
 
 
@@ -127,9 +127,19 @@ _SWITCHES = frozenset(("true", "false", "on", "off", "ok"))
 _PATTERN_OF_DATES = re.compile(r"[dDmMyYhHsS]{1,4}(?:[-/.: T]+[dDmMyYhHsS]{1,4}){1,6}.*")
 
 
+_APART = re.compile(r"(?<=\d)['\u2019\u00a0\u202f](?=\d{3})")
+"""Signs between thousands that stand for nothing else: the Swiss apostrophe, blanks that do not break."""
+
+
+def _bare(cell: str) -> str:
+    """A cell with ASCII's minus sign, and none of the signs between thousands that are no decimal signs."""
+    text = cell.strip().translate(MINUS)
+    return text if text.isascii() and "'" not in text else _APART.sub("", text)
+
+
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Whether a cell is a number with this decimal sign, or without any."""
-    text = cell.strip().translate(MINUS)
+    text = _bare(cell)
     if _POINT.fullmatch(text):
         return decimal == "." or "." not in text
     return (decimal == "," and bool(_COMMA.fullmatch(text))) or bool(GROUPED[decimal].fullmatch(text))
@@ -162,7 +172,7 @@ def plain_cell(cell: str, decimal: str) -> str:
 
     Raises ValueError for a number that may be a thousandfold of another one.
     """
-    text = cell.strip().translate(MINUS)
+    text = _bare(cell)
     if decimal == "," and _COMMA.fullmatch(text):
         return text.replace(",", ".")
     if GROUPED[decimal].fullmatch(text):

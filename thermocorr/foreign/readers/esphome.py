@@ -15,7 +15,8 @@ from ..long_form import wide
 
 _HEAD = re.compile(r"(?:\x1b\[[\d;]*m)?\[(?P<clock>\d\d:\d\d:\d\d(?:\.\d+)?)\]\[[A-Z]+\]\[(?P<kind>[\w.]+)")
 _STATE = re.compile(
-    r".*\[sensor(?::\d+)?\]: '(?P<name>[^']+)': Sending state (?P<value>\S+) ?(?P<unit>.*?) with \d+ dec"
+    r".*\[sensor(?::\d+)?\]: '(?P<name>[^']+)'(?:: Sending state| >>) (?P<value>\S+) ?(?P<unit>\S*?)"
+    r"(?:\x1b\[[\d;]*m)?(?: with \d+ dec.*)?\s*"
 )
 
 
@@ -28,7 +29,7 @@ def read(lines: Sequence[str], reading: str | None) -> tuple[pd.DataFrame, str]:
     """A column for each sensor, on the times of one of them."""
     found = []
     for line in lines:
-        head, state = _HEAD.match(line), _STATE.match(line)
+        head, state = _HEAD.match(line), _STATE.fullmatch(line)
         if head and state:
             found.append((head["clock"], state["name"], state["value"], unit_of_text(state["unit"])))
     if not found:
