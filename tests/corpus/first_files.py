@@ -255,6 +255,9 @@ FIRST |= {
         "doy,hhmm,temp,weight\n", lambda k, t, a, b: f"{t.day_of_year},{int(f'{t:%H%M}')},{a},{b}"
     ),
     "constants beside": rows("time,DIO,Ch1 (C),Ch2 (V),Totalizer\n", ISO + ",255,{a},{b},0"),
+    "p. m., with a blank": lines(
+        "Time,Temp,Weight\n", lambda k, t, a, b: f"{t:%m/%d/%Y %I:%M:%S} {'a. m.' if t.hour < 12 else 'p. m.'},{a},{b}"
+    ),
     "relative time": lines("Relative Time (s),Temp (C),Value (V)\n", lambda k, t, a, b: f"{60 * k}.0,{a},{b}"),
 }
 

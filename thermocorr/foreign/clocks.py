@@ -482,7 +482,7 @@ def _day_share(text: pd.Series[Any]) -> pd.DataFrame:
     parts = text.str.strip().str.extract(f"^{CLOCK}$")
     shown: Any = parts["clock"].str.extract(r"^(\d+):(\d+)(?::(\d+))?$")
     hours, minutes, seconds = (pd.to_numeric(shown[k], errors="coerce").astype(float) for k in range(3))
-    half = parts["half"].str.replace(".", "").str.lower()
+    half = parts["half"].str.replace(r"[.\s]", "", regex=True).str.lower()
     hours = hours.where(half.isna(), hours % 12 + 12.0 * (half == "pm").fillna(False).astype(float))
     digits: Any = "0." + parts["fraction"].fillna(parts["third"]).fillna("0")
     fraction = pd.to_numeric(digits).astype(float)

@@ -116,7 +116,7 @@ DAYS = r"-?\d+ days?(?: [+-]?\d{2}:\d{2}:\d{2}(?:\.\d{1,9})?)?"
 CLOCK = (
     r"(?P<clock>\d{1,2}:\d{2}(?::\d{1,2}(?=\D|$))?)"
     r"(?:(?<=:\d\d:\d\d)[.,](?P<fraction>\d+)|(?<=:\d\d:\d\d):(?P<third>\d{3}))?"
-    r"(?:\s*(?P<half>[AaPp]\.?[Mm]\.?))?"
+    r"(?:\s*(?P<half>[AaPp]\.?\s?[Mm]\.?))?"
 )
 """A time of day: clock, fraction of a second, half of the day."""
 _CLOCK = re.sub(r"\?P<\w+>", "?:", CLOCK) + r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
