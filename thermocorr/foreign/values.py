@@ -133,13 +133,13 @@ _APART = re.compile(r"(?<=\d)['\u2019\u00a0\u202f](?=\d{3})")
 
 def _bare(cell: str) -> str:
     """A cell with ASCII's minus sign, and none of the signs between thousands that are no decimal signs."""
-    text = cell.strip().translate(MINUS)
+    text = cell.translate(MINUS)
     return text if text.isascii() and "'" not in text else _APART.sub("", text)
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Whether a cell is a number with this decimal sign, or without any."""
-    text = _bare(cell)
+    text = _bare(cell.strip())
     if _POINT.fullmatch(text):
         return decimal == "." or "." not in text
     return (decimal == "," and bool(_COMMA.fullmatch(text))) or bool(GROUPED[decimal].fullmatch(text))
@@ -172,7 +172,7 @@ def plain_cell(cell: str, decimal: str) -> str:
 
     Raises ValueError for a number that may be a thousandfold of another one.
     """
-    text = _bare(cell)
+    text = _bare(cell.strip())
     if decimal == "," and _COMMA.fullmatch(text):
         return text.replace(",", ".")
     if GROUPED[decimal].fullmatch(text):
