@@ -70,6 +70,8 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
 
 def _summer_begins(times: pd.Series[Any]) -> str:
     """A word on an hour that local times leave out as summer time begins; "" where they have a zone, or none is."""
+    if kind_of(times) not in ("date", "text") or len(times) > READ_AGAIN:
+        return ""
     dates = dates_once(times)
     if not pd.api.types.is_datetime64_dtype(dates.dtype) or len(dates) < FEWEST or dates.isna().any():
         return ""
@@ -84,6 +86,8 @@ def _summer_begins(times: pd.Series[Any]) -> str:
 
 FEWEST = 10
 """Rows of a log from which its usual step is told."""
+READ_AGAIN = 200_000
+"""Rows at most whose times are looked at for it: to read dates twice would take long."""
 MOST_ODD = 100
 """Steps at most that are looked at for the begin of summer time."""
 DAY_NUMBERS = ("day", "tag", "doy", "jday", "day of year", "day_of_year")
