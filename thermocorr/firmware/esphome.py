@@ -19,7 +19,7 @@ from .target import one_line
 
 YAML = """\
 # {title}
-# Beside your device's YAML lie this file, {name}.h and {name}.c. In your YAML:
+# Put this file, {name}.h and {name}.c into the folder of your device's YAML, and write there:
 #
 #   packages:
 #     {name}: !include {name}.yaml
@@ -161,7 +161,7 @@ def export_esphome(
 
 
 class _Package(C99):
-    """C99 with the YAML of a package beside it."""
+    """C99, and the YAML of a package."""
 
     def __init__(self, model: Any, compensation: Compensation | None):
         super().__init__()

@@ -30,7 +30,7 @@ SURROUNDINGS = re.compile(
     r"|^(ms|msec|sub|lat|lon|elevation|ele)$|(?<![a-z])(dew|wind(?!ing)|solar|rain|state|flag|error)",
     re.I,
 )
-"""Names of what is recorded beside a reading."""
+"""Names of what is recorded with a reading, and is none."""
 SPREADS = re.compile(r"(?<![a-z])(std|stdev|stddev|sd|sigma|var|variance)(?![a-z])", re.I)
 """Names of what says how much a quantity varied, and not how large it was."""
 RUN = "file"
