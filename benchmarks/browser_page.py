@@ -95,6 +95,18 @@ def differs(one: Any, other: Any, where: str = "") -> Iterator[tuple[float, str]
         yield (np.inf, f"{where}: {str(one)[:60]} / {str(other)[:60]}")
 
 
+def as_compared(node: dict[str, Any]) -> dict[str, Any]:
+    """The model of a file; of its covariance, which stands there as one of many square roots, the whole."""
+    model: dict[str, Any] = node["model"]
+    errors = model["errors"]
+    for name in ("half", "last"):
+        kept = errors.get(name) if errors else None
+        if isinstance(kept, dict) and len(kept["shape"]) == 2:
+            root = np.reshape(kept["$array"], kept["shape"])
+            errors[name] = (root @ root.T).ravel().tolist()
+    return model
+
+
 def of_browser(driver: Any) -> float:
     """Processor time of the browser's processes so far [s]."""
     parents, spent = {}, {}
@@ -162,7 +174,7 @@ def main() -> None:
             here, model, seconds = native(path, tempfile.mkdtemp())
             found = {key: max(differs(a, b)) for key, a, b in (
                 ("figures", [here[k] for k in SHOWN], [state[k] for k in SHOWN]),
-                ("model", model["model"], json.loads(base64.b64decode(content))["model"]),
+                ("model", as_compared(model), as_compared(json.loads(base64.b64decode(content)))),
             )}  # fmt: skip
             print(
                 f"{path.stem}  {started - began:8.1f}  {spent:10.1f}  {seconds:9.1f}  {found['figures'][0]:8.1e}  "
