@@ -27,6 +27,7 @@ CORE = ("pyodide.mjs", "pyodide.asm.wasm", "python_stdlib.zip")
 PROGRAMS = ("pyodide.asm.mjs", "pyodide.asm.js")
 """Pyodide's own program, by its name in new and in older versions."""
 LOCK = "pyodide-lock.json"
+HINT = "Open a log, or try a record: it is read in this browser, and nothing leaves this machine."
 POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self' blob:; connect-src 'self'; "
     "style-src 'self'; img-src data:; base-uri 'none'; form-action 'none'"
@@ -87,6 +88,7 @@ def page() -> str:
     """The page, which is the same for every log."""
     options = "".join(f'<option value="{name}">{sample.title}</option>' for name, sample in SAMPLES.items())
     body = page_assets.whole_body().replace("</select>", f"{options}</select>")
+    body = body.replace('<p data-part="source" class="soft"></p>', f'<p data-part="source" class="soft">{HINT}</p>')
     return (
         Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         .from_string(page_assets.template("static.html"))
