@@ -258,6 +258,10 @@ FIRST |= {
     "p. m., with a blank": lines(
         "Time,Temp,Weight\n", lambda k, t, a, b: f"{t:%m/%d/%Y %I:%M:%S} {'a. m.' if t.hour < 12 else 'p. m.'},{a},{b}"
     ),
+    "fractions of a second without a date": rows("time,ms,temp,weight\n", "{t:%H:%M:%S},{k}0,{a},{b}"),
+    "a coarse reading beside what nobody knows": lines(
+        "time,temp,weight,co2\n", lambda k, t, a, b: f"{t},{a},{b},{400 + k * 7 % 13}"
+    ),
     "relative time": lines("Relative Time (s),Temp (C),Value (V)\n", lambda k, t, a, b: f"{60 * k}.0,{a},{b}"),
 }
 
@@ -274,6 +278,13 @@ ASKED = {
         "as likely|--time-format|backward|same time",
     ),
     "two names alike for the temperature": (rows("time,temp,temp,weight\n", ISO + ",{a},{c},{b}"), "temp .column 2."),
+    "a word in the reading, and another column": (
+        rows("time,temp,weight,co2\n", ISO + ",{a},{b},400") + "2024-05-31 00:20:00,23.1,sensor lost,401\n", "--na="
+    ),
+    "a word in one of two thermometers": (
+        rows("time,room_temp,case_temp,weight\n", ISO + ",{a},{c},{b}") + "2024-05-31 00:20:00,lost,23.1,1000.0\n",
+        "--na=lost",
+    ),
     "two readings": (rows("time,temp,u1,u2\n", ISO + ",{a},{b},{b}"), "Which column is the reading"),
     "no times": (lines("temp,weight\n", lambda k, t, a, b: f"{a},{b}"), "--sampling-period"),
     "another header below": (

@@ -280,8 +280,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def bias(self, X: Any, return_std: bool = False) -> Any:
         """What `correct` takes away: the modelled reading less U0, and less effects that are to be kept.
 
-        With a `reference` the modelled error, U0 included. With `return_std` a tuple: its standard uncertainty beside
-        it, without the noise of readings.
+        With a `reference` the modelled error, U0 included. With `return_std` a tuple, with its standard
+        uncertainty, without the noise of readings.
         """
         if return_std:
             value, u = self._uncertain(X, "bias")

@@ -88,7 +88,7 @@ def _second_time(times: pd.Series[Any], zone: str) -> np.ndarray:
 
 
 FAR = 10.0
-"""A step of more than so many usual ones is none of a log that goes on."""
+"""A step longer than this many usual steps breaks the log."""
 DAYS_OF_EXCEL = (25_569.0, 55_000.0)
 """Serial numbers of 1970 and 2050 in a spreadsheet, whose day 0 is 1899-12-30. Modified Julian days are more by now."""
 DAY_ZERO = {"excel": 25_569.0, "matlab": 719_529.0, "mjd": 40_587.0, "jd": 2_440_587.5}
@@ -430,7 +430,7 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
 
 
 def times_of_day(text: pd.Series[Any]) -> pd.Series[Any]:
-    """Times of day as spans since the first midnight; NaT for what is none.
+    """Times of day as spans since the first midnight; NaT for other text.
 
     A day is added where the clock steps back and goes on in the usual step, as it does through midnight.
     """
@@ -512,7 +512,7 @@ def _named(times: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 
 def _unknown_form(form: str) -> RecordError:
     return RecordError(
-        f"--time-format {form!r} is none. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, "
+        f"--time-format {form!r} is not known. Write it as for strptime (%d.%m.%Y %H:%M:%S), or one of excel, "
         "matlab, mjd, jd, labview, unix, unix ms, unix us, unix ns, hhmm, seconds."
     )
 

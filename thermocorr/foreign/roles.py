@@ -30,7 +30,7 @@ SURROUNDINGS = re.compile(
     r"|^(ms|msec|sub|lat|lon|elevation|ele)$|(?<![a-z])(dew|wind(?!ing)|solar|rain|state|flag|error)",
     re.I,
 )
-"""Names of what is recorded with a reading, and is none."""
+"""Names of what is recorded with a reading."""
 SPREADS = re.compile(r"(?<![a-z])(std|stdev|stddev|sd|sigma|var|variance)(?![a-z])", re.I)
 """Names of what says how much a quantity varied, and not how large it was."""
 RUN = "file"
@@ -117,7 +117,7 @@ def guess(
     others = [name for name in numbers if name not in thermometers]
     stated = [name for name in thermometers if unit_of(name, frame) in DEGREES]
     thermometers = stated or thermometers  # a unit that stands there says more than a name
-    others = moving(frame, others) if len(others) > 1 else others
+    others = [name for name in others if not _stands(frame[name])] or others
     measured = [name for name in others if not SURROUNDINGS.search(name) and not SPREADS.search(name.replace("_", " "))]
     if reference is not None:
         own = thermometers if _is_temperature(reference, frame) and thermometers else numbers
@@ -130,7 +130,7 @@ def guess(
             temperature, why["temperature"] = reading, "its own"
     if temperature is None:
         exact = [name for name in thermometers if _bare(name) in ("temperature", "ambient_temperature", "temperatur")]
-        found = exact[:1] or moving(frame, [name for name in thermometers if name not in words]) or thermometers
+        found = exact[:1] or moving(frame, thermometers)
         if len(found) > 1:
             temperature = leading(frame, found)
             why["temperature"] = f"it leads {listing([name for name in found if name != temperature], 3)}"
@@ -242,13 +242,13 @@ def is_counter(column: pd.Series[Any]) -> bool:
 
 def closest(frame: pd.DataFrame, names: Sequence[str], reference: str) -> str:
     """The column that differs least from the reference: it measures the same."""
-    true = frame[reference].to_numpy(float)
-    return min(names, key=lambda name: float(np.nanmedian(np.abs(frame[name].to_numpy(float) - true))))
+    true = _values(frame[reference])
+    return min(names, key=lambda name: float(np.nanmedian(np.abs(_values(frame[name]) - true))))
 
 
 def moving(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
-    """Of several columns those that move: no set points or states, whose few levels stand while others change."""
-    moved = {name: float(np.mean(np.diff(frame[name].to_numpy(float)) != 0)) for name in names}
+    """Of several thermometers those that move: no set points, whose few levels stand while others change."""
+    moved = {name: float(np.mean(np.diff(_values(frame[name])) != 0)) for name in names}
     found = [name for name in names if moved[name] > STANDS * max(moved.values(), default=0.0)]
     return found or list(names)
 
@@ -259,7 +259,7 @@ def leading(frame: pd.DataFrame, names: Sequence[str]) -> str:
     Two are compared by the change over k rows of one against that over the k rows behind it of the other, and the other
     way round, where k (1, 2, 4, ...) tells them apart most.
     """
-    rows = frame[list(names)].iloc[:LOOKED_AT].to_numpy(float)
+    rows = np.column_stack([_values(frame[name].iloc[:LOOKED_AT]) for name in names])
     rows = rows[np.isfinite(rows).all(axis=1)]
     ahead = np.zeros(len(names))
     for a, b in combinations(range(len(names)), 2):
@@ -302,6 +302,11 @@ def _is_temperature(name: str, frame: pd.DataFrame) -> bool:
 def _has_dates(column: pd.Series[Any]) -> bool:
     kind = kind_of(column)
     return kind in ("date", "span") or (kind == "text" and is_moment(first_cell(column)))
+
+
+def _values(column: Any) -> np.ndarray:
+    """Numbers of a column, NaN for its words."""
+    return np.asarray(pd.to_numeric(column, errors="coerce"), float)
 
 
 def _stands(column: pd.Series[Any]) -> bool:

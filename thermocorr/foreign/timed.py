@@ -119,7 +119,7 @@ def _with_fraction(frame: pd.DataFrame, read: Understood, column: str) -> tuple[
     if times is None or kind_of(times) not in ("date", "span") or kind_of(frame[name]) != "number":
         return frame, read
     part = frame[name].astype(float) * FRACTIONS[_plain_name(name)]
-    whole = times.dt.nanosecond if kind_of(times) == "span" else times.dt.microsecond
+    whole = times.dt.microseconds if kind_of(times) == "span" else times.dt.microsecond
     if not part.between(0, 1, inclusive="left").all() or (whole != 0).any() or part.nunique() < 2:
         return frame, read
     added = times + pd.to_timedelta((part * 1e9).round(), unit="ns")
@@ -152,7 +152,7 @@ def _in_named_zone(read: Understood, column: str) -> Understood:
 def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
     """Times that are numbers of a unit that the file names, other than seconds; None for any others.
 
-    Raises RecordError for a unit that is not known, and for numbers beside a column of dates.
+    Raises RecordError for a unit that is not known, and for numbers where another column has dates.
     """
     if kind_of(frame[column]) != "number":
         return None
@@ -192,7 +192,7 @@ def _said_unit(column: str, units: Mapping[str, str]) -> str:
 
 
 _NO_UNIT = re.compile(r"UTC|GMT|local|[A-Z]{3,4}$|[dDmMyYhHsS]+[-/.: ][dDmMyYhHsS]|hhmm|^TS$|^[A-Z][a-z]+/[A-Z]")
-"""What brackets behind the name of times may say beside a unit: a zone, or how they are written."""
+"""What brackets behind the name of times may say that is no unit: a zone, or how they are written."""
 
 
 def _unit_in_name(column: str) -> str:

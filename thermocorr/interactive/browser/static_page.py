@@ -45,7 +45,7 @@ def write_static(folder: str | Path, pyodide: str | Path, force: bool = False) -
     Parameters
     ----------
     folder : path
-        Made where there is none.
+        Made if it does not exist.
     pyodide : path
         Folder of a Pyodide distribution.
     force : bool, default False
