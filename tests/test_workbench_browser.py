@@ -18,7 +18,7 @@ pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install 
 
 TAKEN = """
 const finished = arguments[arguments.length - 1];
-fetch('/take/' + arguments[0]).then((answer) => answer.text()).then(finished);
+thermocorr.bench.wire.asked('take', { kind: arguments[0] }).then(({ content }) => finished(atob(content)));
 """
 
 

@@ -20,6 +20,8 @@ pytest.importorskip("starlette", reason="the workbench needs starlette: pip inst
 pytest.importorskip("uvicorn", reason="the workbench needs uvicorn: pip install '.[workbench]'")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and process groups of POSIX")
 
+UNDO = '{"what": "do", "given": {"do": "undo"}}'
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
@@ -38,13 +40,13 @@ def bench(log, tmp_path_factory):
 def test_nobody_passes_without_the_cookie_or_under_another_name(bench):
     client, token = bench
     stranger = Client(client.port)
-    for path in ("/", "/events", "/api/piece?key=x", "/take/model", "/assets/workbench.js", "/api/charts"):
+    for path in ("/", "/events", "/api/say", "/assets/workbench.js", "/nothing"):
         assert stranger.ask("GET", path)[0] == 403
     assert stranger.ask("GET", "/?token=wrong")[0] == 403
     assert stranger.ask("GET", f"/?token={token}")[0] == 403  # good for one visit
-    assert stranger.ask("GET", f"/api/charts?token={token}")[0] == 403
+    assert stranger.ask("GET", f"/events?token={token}")[0] == 403
     assert Client(client.port, f"thermocorr-{client.port}=guess").ask("GET", "/")[0] == 403
-    assert stranger.ask("POST", "/api/do", "{}")[0] == 403
+    assert stranger.ask("POST", "/api/say", "{}")[0] == 403
     for host in ("evil.example", f"evil.example:{client.port}", "127.0.0.1", f"0.0.0.0:{client.port}", None):
         assert client.ask("GET", "/", Host=host or "")[0] in (400, 403)
     assert client.ask("GET", "/")[0] == client.ask("GET", "/", Host=f"localhost:{client.port}")[0] == 200
@@ -59,19 +61,19 @@ def test_another_site_can_do_nothing_even_with_the_cookie(bench):
         f"https://127.0.0.1:{client.port}",
         f"http://127.0.0.1:{client.port}1",
     ):
-        assert client.ask("POST", "/api/do", '{"do": "undo"}', Origin=origin)[0] == 403
+        assert client.ask("POST", "/api/say", UNDO, Origin=origin)[0] == 403
         assert client.ask("POST", "/api/cancel", Origin=origin)[0] == 403
-        assert client.ask("GET", "/take/model", Origin=origin)[0] == 403
-    assert client.ask("POST", "/api/do", '{"do": "undo"}', Origin=None)[0] == 403  # a form of an old browser
+        assert client.ask("GET", "/events", Origin=origin)[0] == 403
+    assert client.ask("POST", "/api/say", UNDO, Origin=None)[0] == 403  # a form of an old browser
     for site in ("cross-site", "same-site"):
-        assert client.ask("GET", "/take/model", Sec_Fetch_Site=site)[0] == 403
+        assert client.ask("POST", "/api/say", UNDO, Sec_Fetch_Site=site)[0] == 403
     form = "application/x-www-form-urlencoded"
-    assert client.ask("POST", "/api/do", "do=undo", Content_Type=form)[0] == 400
+    assert client.ask("POST", "/api/say", "what=do", Content_Type=form)[0] == 400
 
 
 def test_every_answer_is_sealed(bench):
     client, _ = bench
-    for path in ("/", "/assets/workbench.js", "/nothing", "/api/charts", "/take/nothing"):
+    for path in ("/", "/assets/workbench.js", "/nothing", "/api/say"):
         _, headers, _ = client.ask("GET", path)
         assert "default-src 'none'" in headers["Content-Security-Policy"]
         assert "unsafe" not in headers["Content-Security-Policy"]
@@ -83,8 +85,7 @@ def test_every_answer_is_sealed(bench):
     "path",
     [
         "/assets/../guard.py", "/assets/%2e%2e/guard.py", "/assets/..%2fguard.py", "/assets/%2fetc%2fpasswd",
-        "/take/../../etc/passwd", "/take/%2e%2e%2fmodel", "/../../etc/passwd", "/assets/", "/take/",
-        "/api/piece?key=../../etc&curves=[]", "/api/charts/../../x",
+        "/../../etc/passwd", "/assets/", "/api/say/../../etc/passwd", "/api/open?name=../../x",
     ],
 )  # fmt: skip
 def test_no_path_leads_anywhere(bench, path):
@@ -107,31 +108,45 @@ def test_no_path_leads_anywhere(bench, path):
 )  # fmt: skip
 def test_a_hostile_request_is_refused_in_one_sentence(bench, body):
     client, _ = bench
-    status, _, content = client.ask("POST", "/api/do", body)
-    assert 400 <= status < 500
-    problem = json.loads(content)["problem"]
-    assert 10 < len(problem) < 400 and "Traceback" not in problem
+    for sent in (body, b'{"what": "do", "given": ' + body + b"}"):
+        status, _, content = client.ask("POST", "/api/say", sent)
+        assert 400 <= status < 500
+        problem = json.loads(content)["problem"]
+        assert 10 < len(problem) < 400 and "Traceback" not in problem
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"what": "open", "given": {"path": "/etc/passwd"}}, {"what": "take", "given": {"kind": "../x"}},
+        {"what": "take"},
+        {"what": "ready", "given": {}}, {"what": ["do"], "given": {}}, {"what": "__init__", "given": {}},
+    ],
+)  # fmt: skip
+def test_a_page_says_nothing_else_to_the_desk(bench, message):
+    client, _ = bench
+    status, _, content = client.ask("POST", "/api/say", json.dumps(message))
+    assert status in (400, 422) and "root:" not in content.decode() and json.loads(content)["problem"]
 
 
 @pytest.mark.parametrize(
     "query",
-    ["", "key=x", "key={key}&curves=nonsense", "key={key}&curves=[1]", 'key={key}&curves=["nothing"]',
-     'key={key}&curves=["residual"]&low=nan', 'key={key}&curves=["residual"]&low=a',
-     'key={key}&curves=["residual"]&n=inf', 'key={key}&curves=["residual"]&scale=0&n=-5',
-     'key={key}&curves=["residual"]&low=inf&high=-inf', 'key={key}&curves=["begins"]',
-     'key={key}&curves=["mean begins","residual"]', 'key={key}&curves=["residual"]&n=1e400&low=-1e999'],
+    [
+        {}, {"key": "x"}, {"curves": "nonsense"}, {"curves": "[1]"}, {"curves": '["nothing"]'}, {"low": "nan"},
+        {"low": "a"}, {"n": "inf"}, {"scale": "0", "n": "-5"}, {"low": "inf", "high": "-inf"}, {"low": [1]},
+        {"curves": '["begins"]'}, {"curves": '["mean begins","residual"]'}, {"n": "1e400", "low": "-1e999"},
+        {"key": "../../etc"}, {"key": {}}, {"curves": {"a": 1}},
+    ],
 )  # fmt: skip
 def test_a_hostile_question_for_curves_is_answered_or_refused(bench, query):
     client, _ = bench
     news = News(client)
     key = news.until(lambda s: s["fitted"])["fitted"]["key"]
     news.close()
-    path = "/api/piece?" + query.replace("{key}", key).replace('"', "%22").replace(" ", "%20")
-    status, _, content = client.ask("GET", path)
-    assert status in (200, 400, 404)
-    json.loads(content)
-    for across, up in (("begins", "residual"), ("temperature", "begins"), ("temperature", "row"), ("", "")):
-        assert client.ask("GET", f"/api/cloud?key={key}&across={across}&up={up}")[0] == 404
+    status, said = client.say("piece", query and {"key": key, "curves": '["residual"]', **query})
+    assert status in (200, 404, 422) and (status == 200 or 10 < len(said["problem"]) < 200)
+    for across, up in (("begins", "residual"), ("temperature", "begins"), ("temperature", "row"), ("", ""), ([], {})):
+        assert client.say("cloud", {"key": key, "across": across, "up": up})[0] in (404, 422)
 
 
 def test_a_hostile_upload_is_refused_and_the_log_stays(bench):
@@ -168,7 +183,7 @@ def test_names_with_markup_come_through_as_text(bench, log):
     state = news.until(lambda s: s["source"]["name"] == "_b_.csv" and s["judged"])
     assert "<script>alert(1)</script>" in [column["name"] for column in state["columns"]]
     settled(news)
-    assert b"&lt;script&gt;" in client.ask("GET", "/take/report")[2]
+    assert b"&lt;script&gt;" in client.take("report")[1]
     assert client.ask("POST", "/api/open?name=log.csv", log.read_bytes(), Content_Type="text/csv")[0] == 200
     settled(news)
     news.close()
@@ -214,8 +229,8 @@ def test_everything_can_be_taken_away(bench, kind):
     client, _ = bench
     news = News(client)
     settled(news)
-    status, headers, content = client.ask("GET", f"/take/{kind}")
-    assert status == 200 and len(content) > 500 and "attachment" in headers["Content-Disposition"]
+    status, content = client.take(kind)
+    assert status == 200 and len(content) > 500
     news.close()
 
 
@@ -247,6 +262,7 @@ def children(pid):
     return [int(line.split()[0]) for line in lines]
 
 
+@pytest.mark.long
 @POSIX
 @pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 def test_an_end_leaves_no_process_and_no_file(log, tmp_path, how):
@@ -337,10 +353,10 @@ def test_the_same_thing_can_be_taken_away_twice_and_by_several_at_once(bench):
     news = News(client)
     settled(news)
     found = []
-    taking = [threading.Thread(target=lambda: found.append(client.ask("GET", "/take/firmware"))) for _ in range(4)]
+    taking = [threading.Thread(target=lambda: found.append(client.take("firmware"))) for _ in range(4)]
     [thread.start() for thread in taking]
     [thread.join() for thread in taking]
-    assert [status for status, _, _ in found] == [200] * 4
+    assert [status for status, _ in found] == [200] * 4
     news.close()
 
 
@@ -368,6 +384,7 @@ def test_an_effect_of_one_s_own_that_fails_is_said_and_nothing_dies(log, tmp_pat
         news.close()
 
 
+@pytest.mark.long
 @POSIX
 def test_a_session_survives_its_computation_with_all_that_was_undone(log, tmp_path):
     with running(log, "--keep", folder=tmp_path) as (_, port, token):
@@ -377,7 +394,7 @@ def test_a_session_survives_its_computation_with_all_that_was_undone(log, tmp_pa
         assert client.do(do="add", suspect=0)[0] == 200
         settled(news)
         assert client.do(do="undo")[0] == 200
-        (tmp_path / "session.json").write_bytes(client.ask("GET", "/take/session")[2])
+        (tmp_path / "session.json").write_bytes(client.take("session")[1])
         news.close()
     with running(tmp_path / "session.json", "--keep", folder=tmp_path) as (process, port, token):
         client = visitor(port, token)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import http.client
 import json
 import os
@@ -39,8 +40,17 @@ class Client:
 
     def do(self, revision=None, **asked):
         """An act: status and what was said."""
-        status, _, content = self.ask("POST", "/api/do", json.dumps({**asked, "revision": revision}))
+        return self.say("do", {**asked, "revision": revision})
+
+    def say(self, what, given):
+        """A message to the desk: status and its answer."""
+        status, _, content = self.ask("POST", "/api/say", json.dumps({"what": what, "given": given}))
         return status, json.loads(content)
+
+    def take(self, kind):
+        """Status and content of a file to take away."""
+        status, said = self.say("take", {"kind": kind})
+        return status, base64.b64decode(said.get("content", ""))
 
 
 class News:

@@ -165,8 +165,6 @@ MARKS = {
 }
 """What a stretch can be marked as, and in the words of a button."""
 PRODUCTS = {1: ", products of lags", 2: ", products of lags", 3: ", products of two and three lags"}
-MOST_VERSIONS = 1000
-"""Steps that can be undone."""
 MOST_ROWS = 10**12
 MOST_SPIKES = 1000
 """Rows that are marked as spikes at once."""
@@ -372,5 +370,6 @@ class Past(NamedTuple):
 
     def followed_by(self, acts: tuple[Act, ...]) -> Past:
         """The past that goes on with other steps; what was undone before is forgotten, and what is very long ago."""
-        versions = (*self.versions[: self.at + 1], acts)[-MOST_VERSIONS:]
+        # Steps that can be undone
+        versions = (*self.versions[: self.at + 1], acts)[-1000:]
         return Past(versions, len(versions) - 1)

@@ -44,10 +44,6 @@ from .learning import Fitted, axis_of, chosen_lags, fitted, moment_words, previe
 from .source import ReadLog
 from .tiles import Store
 
-HELD = 12
-"""Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits."""
-HELD_ROWS = 3_000_000
-"""Rows of all of them together, from which fewer are kept."""
 JUMPS = 6.0
 """A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
 IN_A_ROW = 3
@@ -123,7 +119,9 @@ class Bench:
         return self.kept[key]
 
     def _forget(self, needed: str) -> None:
-        most = max(3, min(HELD, HELD_ROWS // max(len(self.source.frame), 1)))
+        # Fitted arrangements that are kept; others are fitted again when they are asked for, to the same bits
+        # Rows of all of them together, from which fewer are kept
+        most = max(3, min(12, 3_000_000 // max(len(self.source.frame), 1)))
         for key in list(self.kept):
             if len(self.kept) <= most:
                 break

@@ -263,6 +263,8 @@ def chosen_lags(given: str) -> Any:
 
 def sentence(error: BaseException) -> str:
     """What an error says, in one line; the kind of error where it is none that was made for people."""
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this. Open a shorter log."
     said = " ".join(str(error).split())
     if isinstance(error, ValueError | TypeError | OSError) and said:
         return said

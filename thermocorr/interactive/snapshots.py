@@ -38,8 +38,6 @@ from .source import SAMPLES
 from .takeaway import KINDS
 from .tiles import Store
 
-PLACES = 12
-"""Places of failure that are listed."""
 NOTED = 12
 DRAWN, COLUMNS = 600, 12
 """Rows and columns of a log that are drawn before there is a model."""
@@ -252,6 +250,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
     helps = judged.best is not None and judged.suspects[0].standing == "helps"
     start = found.timeline.zero if found.timeline.dates else None
     scales = Scales(start, found.model.reading_.temperature_unit)
+    # Places of failure that are listed
     return {
         "verdict": judged.verdict,
         "calm": VERDICTS[judged.verdict].calm,
@@ -260,7 +259,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
         "rms": figure(judged.residual_rms, scale),
         "explainable": f"{judged.explainable:.0%}",
         "left": _left(judged, Scale(scale.factor, unit_text(scale.unit))),
-        "where": [_place(row, found) for row in each_row(judged.where.head(PLACES))],
+        "where": [_place(row, found) for row in each_row(judged.where.head(12))],
         "shades": [[axis.at(low), axis.at(high)] for low, high in stretches(judged, found.timeline)],
         "suspects": [
             {

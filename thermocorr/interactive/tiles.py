@@ -17,14 +17,8 @@ CELL = 64
 PIECES = 1600
 """Pixels that a piece is made for, unless asked for more."""
 MOST_PIECES = 8000
-MEANS = 240
-"""Stretches that are averaged over, to show what noise hides."""
-LEAST = 8
-"""Fewest rows of such a stretch."""
 BINS = 60
 """Bins of a cloud of points, each with its mean."""
-POINTS = 4000
-"""Points of a cloud that are drawn."""
 
 
 class Store:
@@ -148,7 +142,9 @@ class Tiles:
             places = np.column_stack((x[starts], x[np.append(starts[1:], stop) - 1])).ravel()
             at = np.searchsorted(starts, breaks) if len(breaks) <= n // 2 else np.zeros(0, int)
             at, per = 2 * np.unique(at[at < len(starts)]), 2
-        each = max(-(-(stop - first) // MEANS), LEAST * width)
+        # Stretches that are averaged over, to show what noise hides
+        # Fewest rows of such a stretch
+        each = max(-(-(stop - first) // 240), 8 * width)
         means = [_held(np.array(self.store.get(c)[first:stop]), each, starts - first, per) for c in averaged]
         names = [*averaged] if stop - first >= 4 * each else []
         if len(at):  # a point without a value before each segment, so that no line joins two of them
@@ -194,7 +190,8 @@ class Tiles:
         if not len(known):
             return {name: np.zeros(0) for name in ("x", "y", "center", "mean", "error", "count")}
         x, y = np.array(x[known]), np.array(y[known])
-        shown = np.unique(np.linspace(0, len(x) - 1, min(len(x), POINTS)).astype(int))
+        # Points of a cloud that are drawn
+        shown = np.unique(np.linspace(0, len(x) - 1, min(len(x), 4000)).astype(int))
         low, high = float(x.min()), float(x.max())
         number = np.minimum(((x - low) / max(high - low, 1e-300) * BINS).astype(int), BINS - 1)
         count, total = np.bincount(number, minlength=BINS), np.bincount(number, y, BINS)

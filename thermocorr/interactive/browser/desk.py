@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,16 @@ from ..takeaway import KINDS, is_session, past_node, taken
 from ..tiles import Store, Tiles
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 
+LOOKS = ("piece", "cloud", "charts")
+"""Questions that are answered from what is known, and change nothing."""
+WORDS = {"open": "reading the log", "do": "fitting the model", "take": "writing"}
+CANCELLED = "Cancelled: everything stands as it was."
+STOPPED = "Stopped. Judge again to go on."
+GONE = "These curves are no longer there."
+
 
 class Desk:
-    """What a screen asks and is told, whatever carries the messages: a notebook's kernel, or a browser's worker.
+    """What a screen asks and is told, whatever carries the messages: a kernel, a browser's worker, or a process.
 
     `bench` (Bench, optional): None until a log is opened. `tell` (callable): Sends a message to the screen. `store`
     (Store): Where the curves of a log that is opened later are put; that of the bench by default. `chores` (bool): Find
@@ -30,56 +38,84 @@ class Desk:
         found = store or (None if bench is None else bench.store)
         assert found is not None
         self.store, self.tiles = found, Tiles(found)
-        self.revision, self.chores, self.idle = 0, chores, False
-        """`idle`: whether nothing is found out until the next act, as after a cancelled one."""
+        self.revision, self.chores, self.own_file = 0, chores, ""
+        self._shown: dict[str, Any] = {}
 
-    @property
-    def curves(self) -> dict[str, dict[str, str]]:
-        """Names of curves in the store, by the keys of arrangements."""
-        return {key: found.curves for key, found in self._bench().kept.items()}
+    def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
+        """Do some work; whether it came to its end, and was not cancelled."""
+        work()
+        return True
 
     def _bench(self) -> Bench:
         if self.bench is None:
-            raise RecordError("No log is open yet.")
+            raise RecordError("No log is open yet, or it is still being read.")
         return self.bench
 
-    def show(self) -> None:
-        """Tell the screen all that it shows."""
-        self.revision += 1
-        bench = self._bench()
-        found = bench.current
+    def show(self, again: bool = False) -> None:
+        """Tell the screen all that it shows, where that is news."""
+        if self.bench is None:
+            return
+        found = self.bench.current
         charts = [found.arrangement.key()] if found is not None and found.charts is not None else []
-        state = {**snapshot(bench), "revision": self.revision, "trouble": "", "charts": charts}
-        self.tell({"kind": "state", "content": state})
+        shown = {**snapshot(self.bench), "trouble": "", "charts": charts}
+        if again or shown != self._shown:
+            self.revision += 1
+            self._shown = shown
+            self.tell({"kind": "state", "content": {**shown, "revision": self.revision}})
+
+    def progress(self, text: str) -> None:
+        """Tell the screen what is being done."""
+        self.tell({"kind": "progress", "content": {"text": text}})
 
     def chore(self) -> bool:
         """Find out one thing that is not known yet; False where nothing is left."""
-        found = None if self.bench is None or self.idle else self.bench.next_chore()
+        found = None if self.bench is None else self.bench.next_chore()
+        if found is None:
+            self.progress("")
+            return False
+        self.progress(found[0])
+        if not self.carried(found[1], chore=True):
+            self.stop()
+        self.show()
+        return True
+
+    def stop(self) -> None:
+        """Leave unknown what is not known yet, until the user asks for it."""
+        found = None if self.bench is None else self.bench.current
         if found is not None:
-            self.tell({"kind": "progress", "content": {"text": found[0]}})
-            found[1]()
-            self.show()
-        if found is None or self.bench is None or self.bench.next_chore() is None:
-            self.tell({"kind": "progress", "content": {"text": ""}})
-        return found is not None
+            for name in ("errors", "diagnosis"):
+                found.said.setdefault(name, STOPPED)
+            found.charts = found.charts or []
 
     def hear(self, message: dict[str, Any]) -> None:
         """Answer a message: ``what`` is ready, open, do, piece, cloud, charts or take; its ``number`` comes along."""
-        what, number, given = message.get("what"), message.get("number"), message.get("given") or {}
+        what, number, given = str(message.get("what")), message.get("number"), message.get("given") or {}
+        if what in WORDS:
+            self.progress(WORDS[what])
+        before = None if self.bench is None else self.bench.past
+        answers: list[Any] = []
+
+        def work() -> None:
+            answers.append(self._answer(what, given))
+
         try:
-            answer = self._answer(str(what), given)
+            if what in LOOKS:
+                work()
+            elif not self.carried(work) and (self.bench is None or self.bench.past is before):
+                raise RecordError(CANCELLED)
         except Exception as error:  # effects of the user's own raise whatever they like
-            gone = isinstance(error, NoSuchCurve)
-            problem = "These curves are no longer there." if gone else sentence(error)
-            self.tell({"kind": "failed", "number": number, "problem": problem})
+            gone = isinstance(error, NoSuchCurve) or (what in LOOKS and isinstance(error, OSError))
+            problem = GONE if gone else sentence(error)
+            self.tell({"kind": "failed", "number": number, "problem": problem, "gone": gone})
             return
-        self.tell({"kind": "done", "number": number, "content": known_json(answer)})
+        if what not in LOOKS:
+            self.show(again=what == "ready")
+        self.tell({"kind": "done", "number": number, "content": known_json(answers[0] if answers else {})})
         if what in ("ready", "open", "do"):
-            self.show()
             while self.chores and self.chore():
                 pass
 
-    def _answer(self, what: str, given: dict[str, Any]) -> Any:
+    def _answer(self, what: str, given: Any) -> Any:
         if what == "open":
             return self._open(given)
         bench = self._bench()
@@ -88,34 +124,42 @@ class Desk:
                 bench.start()
             return {}
         if what == "do":
-            self.idle = False
             return {**bench.perform(given), "past": past_node(bench.past)}
-        if what == "piece":
-            return piece_of(self, given)
-        if what == "cloud":
-            return cloud_of(self, given)
+        if what in ("piece", "cloud"):
+            found = bench.kept.get(str(given.get("key")))
+            if found is None:
+                raise NoSuchCurve(given.get("key"))
+            return (piece_of if what == "piece" else cloud_of)(self.tiles, found.curves, given)
         if what == "charts":
             found = bench.kept.get(str(given.get("key")))
             return (found.charts if found else None) or []
         if what == "take":
-            path = taken(bench, str(given.get("kind")), Path(bench.store.folder))
+            path = taken(bench, str(given.get("kind")), Path(self.store.folder))
             content = base64.b64encode(path.read_bytes()).decode()
             shutil.rmtree(path.parent, ignore_errors=True)
             return {"name": path.name, "media": KINDS[str(given["kind"])].media, "content": content}
         raise ValueError(f"{what!r} is not known here.")
 
-    def _open(self, given: dict[str, Any]) -> dict[str, Any]:
-        """Put a log on the desk: a file by its ``path``, or a built-in ``sample``; with the ``past`` of its steps."""
-        path = str(given.get("path") or "")
-        session = path if path and is_session(path) else ""
-        opening = Opening(
-            paths=(path,) if path and not session else (),
-            names=(Path(path).name,) if path and not session else (),
-            sample=str(given.get("sample") or ""),
-            session=session,
-            past=given.get("past"),
-        )
-        bench = opening.bench(self.store)
+    def _open(self, given: Any) -> dict[str, Any]:
+        """Put a log on the desk: an Opening, or a ``path`` or built-in ``sample``, with the ``past`` of its steps."""
+        idle = False
+        if not isinstance(given, Opening):
+            path, idle = str(given.get("path") or ""), bool(given.get("idle"))
+            session = path if path and is_session(path) else ""
+            given = Opening(
+                paths=(path,) if path and not session else (),
+                names=(Path(path).name,) if path and not session else (),
+                sample=str(given.get("sample") or ""),
+                session=session,
+                past=given.get("past"),
+                own_file=self.own_file,
+            )
+        self.own_file = given.own_file
+        bench = given.bench(self.store)
+        if self.bench is not None:  # its curves stay until the other one stands
+            bench.needed = frozenset(name for found in self.bench.kept.values() for name in found.curves.values())
         bench.start()
-        self.bench, self.idle = bench, bool(given.get("idle"))
+        self.bench, bench.needed = bench, frozenset()
+        if idle:
+            self.stop()
         return {"past": past_node(bench.past)}

@@ -1,4 +1,4 @@
-"""Between the pages and the process that computes: what was last known, who is looking, and what was asked."""
+"""Between the pages and the process that computes: carries messages, and begins the process again where it dies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from ..opening import Opening
-from ..tiles import Store, Tiles
 from .worker import serve
 
 CHANGED = "Another window has changed this meanwhile. Look, and try again."
@@ -25,8 +24,6 @@ DIED = "The computation ended, perhaps for lack of memory. It begins again from 
 GIVEN_UP = "The computation ends again and again, perhaps for lack of memory. Open a shorter log."
 QUICK_DEATHS = 3
 """Ends of the process within a minute, after which it is not begun again."""
-WAITING = 64
-"""Messages for a page that does not read them, before it is let go."""
 
 
 class NotDone(Exception):
@@ -35,6 +32,10 @@ class NotDone(Exception):
 
 class Changed(NotDone):
     """The state is another one than the page has seen."""
+
+
+class Gone(NotDone):
+    """What was asked for is no longer there."""
 
 
 class Hub:
@@ -46,13 +47,9 @@ class Hub:
     def __init__(self, opening: Opening):
         self.opening = opening
         self.folder = Path(tempfile.mkdtemp(prefix="thermocorr-"))
-        self.tiles = Tiles(Store(self.folder))
         self.state: dict[str, Any] = {}
-        self.curves: dict[str, dict[str, str]] = {}
-        self.charts: dict[str, list[dict[str, Any]]] = {}
         self.revision = 0
         self.progress = "starting"
-        self.trouble = ""
         self.pages: set[asyncio.Queue[str]] = set()
         self.seen = False
         """Whether a page was ever open."""
@@ -98,32 +95,34 @@ class Hub:
                     return
                 loop.call_soon_threadsafe(self._hear, message)
 
-    def _hear(self, message: tuple[Any, ...]) -> None:
-        kind, *rest = message
-        if kind == "progress":
-            if rest[0] != self.progress:
-                self.progress = rest[0]
-                self._tell("progress", {"text": self.progress})
-        elif kind == "snapshot":
-            state, self.curves, charts, self._past = rest
-            news = state != self.state or charts.keys() != self.charts.keys()
-            self.state, self.charts = state, charts
-            if news:
-                self.trouble = ""
-                self.revision += 1
-                self._tell("state", self.shown())
+    def _hear(self, message: dict[str, Any]) -> None:
+        kind = message["kind"]
+        if kind == "state":
+            self._show(message["content"])
+        elif kind == "progress":
+            if message["content"]["text"] != self.progress:
+                self.progress = message["content"]["text"]
+                self._tell("progress", message["content"])
         else:
-            future = self._asked.pop(rest[0], None)
+            future = self._asked.pop(message["number"], None)
+            if isinstance(message.get("content"), dict):
+                self._past = message["content"].get("past", self._past)
             if future is None:
                 if kind == "failed":  # of the opening
-                    self._complain(rest[1])
+                    self._complain(message["problem"])
             elif not future.done():
-                future.set_result(rest[1]) if kind == "done" else future.set_exception(NotDone(rest[1]))
+                if kind == "done":
+                    future.set_result(message["content"])
+                else:
+                    future.set_exception((Gone if message["gone"] else NotDone)(message["problem"]))
+
+    def _show(self, state: dict[str, Any]) -> None:
+        self.revision += 1
+        self.state = {**state, "revision": self.revision}
+        self._tell("state", self.state)
 
     def _complain(self, trouble: str) -> None:
-        self.trouble = trouble
-        self.revision += 1
-        self._tell("state", self.shown())
+        self._show({**self.state, "trouble": trouble})
 
     def _died(self, pipe: Connection) -> None:
         if pipe is not self._pipe:
@@ -153,14 +152,14 @@ class Hub:
 
     # ------------------------------------------------------------------------------------------------ what is asked
 
-    async def ask(self, kind: str, given: Any) -> Any:
-        """Let the process do something; raises Refused with its sentence."""
+    async def ask(self, what: str, given: Any) -> Any:
+        """What the process answers; raises NotDone with its sentence."""
         if self._pipe is None or self._process is None or not self._process.is_alive():
             raise NotDone(DIED if len(self._deaths) < QUICK_DEATHS else GIVEN_UP)
         self._number += 1
         future = self._asked[self._number] = asyncio.get_running_loop().create_future()
         try:
-            self._pipe.send((kind, self._number, given))
+            self._pipe.send({"what": what, "number": self._number, "given": given})
         except OSError:
             raise NotDone(DIED) from None
         except RecursionError:
@@ -179,7 +178,7 @@ class Hub:
         """Put another log on the bench."""
         async with self._turn:
             if len(self._deaths) >= QUICK_DEATHS:  # given up: begin afresh, with this log
-                self._deaths, self._past, self.trouble = [], None, ""
+                self._deaths, self._past = [], None
                 before, self.opening = self.opening, opening
                 self.start()
                 self.listen()
@@ -194,21 +193,17 @@ class Hub:
         """Stop what is being computed."""
         if self._pipe is not None:
             with contextlib.suppress(OSError):
-                self._pipe.send(("cancel",))
+                self._pipe.send(None)
 
     # ------------------------------------------------------------------------------------------------------- the pages
 
-    def shown(self) -> dict[str, Any]:
-        """The state with its number."""
-        drawn = sorted(self.charts.keys() & {(self.state.get("fitted") or {}).get("key")})
-        return {**self.state, "revision": self.revision, "trouble": self.trouble, "charts": drawn}
-
     def enter(self) -> asyncio.Queue[str]:
         """A page opens: its queue of messages, which begins with all that it must know."""
-        page: asyncio.Queue[str] = asyncio.Queue(WAITING)
+        # Messages for a page that does not read them, before it is let go
+        page: asyncio.Queue[str] = asyncio.Queue(64)
         self.pages.add(page)
         self.seen = True
-        page.put_nowait(event("state", self.shown()))
+        page.put_nowait(event("state", self.state))
         page.put_nowait(event("progress", {"text": self.progress}))
         return page
 

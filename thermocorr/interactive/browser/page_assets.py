@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
 
@@ -10,45 +11,31 @@ from markupsafe import Markup
 
 SHARED = ("uplot.min.js", "charts.js", "uplot.min.css", "colours.css")
 """What the report page has too."""
-OWN = ("elements.js", "wire.js", "timeplot.js", "views.js", "panels.js", "workbench.js", "start.js", "workbench.css")
-WIDGET = ("elements.js", "desk.js", "notebook.js", "timeplot.js", "views.js", "panels.js", "workbench.js")
+SCREEN = ("timeplot.js", "views.js", "panels.js", "workbench.js")
+OWN = ("elements.js", "desk.js", "wire.js", *SCREEN, "start.js", "workbench.css")
+"""What the page of the program has, in the order in which it is loaded."""
+WIDGET = ("elements.js", "desk.js", "notebook.js", *SCREEN)
 """What a notebook has instead: messages of the kernel, and no page of its own."""
 ALONE = ("open", "samples", "cancel")
 """Parts that only a page of its own has: the kernel's own button interrupts a notebook."""
-STATIC = (
-    *SHARED,
-    "elements.js",
-    "desk.js",
-    "timeplot.js",
-    "views.js",
-    "panels.js",
-    "workbench.js",
-    "try.js",
-    "workbench.css",
-)
-"""What a page without a server has, in the order in which they are loaded."""
+STATIC = (*SHARED, "elements.js", "desk.js", *SCREEN, "try.js", "workbench.css")
+"""What a page without a server has."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
 ASSETS = {name: TYPES[name.rsplit(".", 1)[1]] for name in (*SHARED, *OWN)}
 """Name -> media type, in the order in which they are loaded."""
 
 
+def filled(name: str, body: str, assets: Iterable[str], **given: str) -> str:
+    """A page from a template, with the screen's body, its styles and its scripts."""
+    listed = {kind: [asset for asset in assets if asset.endswith(f".{kind}")] for kind in TYPES}
+    template_ = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(template(name))
+    return template_.render(body=Markup(body), styles=listed["css"], scripts=listed["js"], **given)
+
+
 @cache
 def page() -> str:
     """The page, which is the same for every log."""
-    return (
-        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(template("workbench.html"))
-        .render(
-            body=Markup(template("body.html")),
-            styles=[name for name in ASSETS if name.endswith(".css")],
-            scripts=[name for name in ASSETS if name.endswith(".js")],
-        )
-    )
-
-
-def whole_body() -> str:
-    """What stands inside of the workbench's element on a page of its own."""
-    return template("body.html")
+    return filled("workbench.html", template("body.html"), ASSETS)
 
 
 @cache

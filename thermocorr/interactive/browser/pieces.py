@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,31 +23,20 @@ class NoSuchCurve(LookupError):
     """A curve of an arrangement that is not known any more."""
 
 
-class Known(Protocol):
-    """What has curves: their names in the store by the keys of arrangements, and the state that is shown."""
-
-    @property
-    def tiles(self) -> Tiles: ...  # noqa: D102
-
-    @property
-    def curves(self) -> dict[str, dict[str, str]]: ...  # noqa: D102
-
-
-def piece_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
+def piece_of(tiles: Tiles, curves: dict[str, str], asked: Mapping[str, str]) -> dict[str, Any]:
     """Some curves between two places on the axis.
 
-    `known` (Known). `asked` (mapping of str to str): key (of the arrangement), curves (JSON: a list of names; "mean
-    residual" is the residual averaged over stretches), low and high (on the axis, whose ``zero`` and ``scale`` are
-    given too), n (pixels). Raises NoSuchCurve for a curve, or an arrangement, that is not there. Raises ValueError
-    for limits that are no numbers.
+    `tiles` (Tiles). `curves` (dict of str to str): Their names in the store. `asked` (mapping of str to str): curves
+    (JSON: a list of names; "mean residual" is the residual averaged over stretches), low and high (on the axis, whose
+    ``zero`` and ``scale`` are given too), n (pixels). Raises NoSuchCurve for a curve that is not there. Raises
+    ValueError for limits that are no numbers.
     """
-    curves = _curves(known, asked)
     scale, zero = _number(asked, "scale", 1.0) or 1.0, _number(asked, "zero", 0.0)
     low, high = _number(asked, "low", -math.inf), _number(asked, "high", math.inf)
     names = _names(asked.get("curves", "[]"))
     averaged = [name for name in names if name.startswith(MEAN)]
     names = [name for name in names if name not in averaged]
-    piece = known.tiles.piece(
+    piece = tiles.piece(
         curves["place"],
         curves["begins"],
         [_curve(curves, name) for name in names],
@@ -68,18 +57,10 @@ def piece_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def cloud_of(known: Known, asked: Mapping[str, str]) -> dict[str, Any]:
-    """One curve over another: ``key``, ``across``, ``up``."""
-    curves = _curves(known, asked)
-    found = known.tiles.cloud(_curve(curves, asked.get("across", "")), _curve(curves, asked.get("up", "residual")))
+def cloud_of(tiles: Tiles, curves: dict[str, str], asked: Mapping[str, str]) -> dict[str, Any]:
+    """One curve over another: ``across``, ``up``."""
+    found = tiles.cloud(_curve(curves, asked.get("across", "")), _curve(curves, asked.get("up", "residual")))
     return {name: packed(values) for name, values in found.items()}
-
-
-def _curves(known: Known, asked: Mapping[str, str]) -> dict[str, str]:
-    found = known.curves.get(asked.get("key", ""))
-    if found is None:
-        raise NoSuchCurve(asked.get("key", ""))
-    return found
 
 
 def _curve(curves: dict[str, str], name: str) -> str:

@@ -1,4 +1,4 @@
-"""The workbench in a browser: pages, pieces of curves, acts and files, on 127.0.0.1 alone."""
+"""The workbench in a browser: a page, messages to its desk, and logs that are dropped on it, on 127.0.0.1 alone."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ...foreign.containers import FEATHER, PACKED, SHEETS
@@ -30,24 +29,17 @@ from ...records import RecordError
 from ...records.files import FORMATS
 from ..learning import sentence
 from ..opening import Opening
-from ..takeaway import KINDS
 from . import page_assets
+from .desk import LOOKS
 from .guard import Guard
-from .hub import Changed, Hub, NotDone
-from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
+from .hub import Changed, Gone, Hub, NotDone
 
-AWAY = 10.0
-"""Seconds without any page after which the workbench ends: a reload takes less."""
 UNSEEN = 3600.0
 """Seconds after which it ends if no page was ever opened."""
-BEAT = 15.0
-"""Seconds after which a silent line to a page is used, to see whether it is there."""
-MOST_ASKED = 1 << 16
-"""Bytes of a request that is no file."""
-LONGEST_PAUSE = 20.0
-"""Time for which the next part of a request is waited for [s]."""
 MOST_UPLOADED = 1 << 30
 """Bytes of a log that is dropped on the page."""
+SAID = ("do", "take", *LOOKS)
+"""What a page may say to the desk."""
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", *FORMATS, *FEATHER, *SHEETS, *PACKED)
 
 
@@ -72,13 +64,9 @@ class Workbench:
                 Route("/", self.page),
                 Route("/assets/{name}", self.asset),
                 Route("/events", self.events),
-                Route("/api/do", self.do, methods=["POST"]),
+                Route("/api/say", self.say, methods=["POST"]),
                 Route("/api/cancel", self.cancel, methods=["POST"]),
                 Route("/api/open", self.open, methods=["POST"]),
-                Route("/api/piece", self.piece),
-                Route("/api/cloud", self.cloud),
-                Route("/api/charts", self.charts),
-                Route("/take/{kind}", self.take),
             ],
             exception_handlers={Exception: _broken},
         )
@@ -103,26 +91,28 @@ class Workbench:
         try:
             while not self.ended.is_set() and page in self.hub.pages:
                 with contextlib.suppress(TimeoutError):
-                    yield await asyncio.wait_for(page.get(), BEAT)
+                    # Seconds after which a silent line to a page is used, to see whether it is there
+                    yield await asyncio.wait_for(page.get(), 15.0)
                     continue
                 yield ": here\n\n"
         finally:
             self.hub.leave(page)
 
-    async def do(self, request: Request) -> Response:
-        """An act of the user."""
-        asked = await _json(request)
-        if isinstance(asked, str):
-            return _failed(asked, 400)
-        revision = asked.pop("revision", None)
+    async def say(self, request: Request) -> Response:
+        """A message to the desk, and its answer; an act names the ``revision`` of the state that it is meant for."""
+        message = await _json(request)
+        if isinstance(message, str):
+            return _failed(message, 400)
+        what, given = message.get("what"), message.get("given")
+        if what not in SAID or not isinstance(given, dict):
+            return _failed(f"A message says what ({', '.join(SAID)}) and what is given (an object).", 400)
+        revision = given.pop("revision", None)
         try:
-            if asked.get("do") in ("preview", "fit"):  # they change nothing
-                return JSONResponse(await self.hub.ask("do", asked))
-            return JSONResponse(await self.hub.act(asked, revision))
-        except Changed as changed:
-            return _failed(str(changed), 409)
+            if what == "do" and given.get("do") not in ("preview", "fit"):  # which change nothing
+                return JSONResponse(await self.hub.act(given, revision))
+            return JSONResponse(await self.hub.ask(what, given))
         except NotDone as refused:
-            return _failed(str(refused), 422)
+            return _failed(str(refused), {Changed: 409, Gone: 404}.get(type(refused), 422))
 
     async def cancel(self, request: Request) -> Response:
         """Stop what is being computed."""
@@ -162,28 +152,6 @@ class Workbench:
             return _failed(said, 422)
         return JSONResponse({})
 
-    async def piece(self, request: Request) -> Response:
-        """Some curves between two places."""
-        return await _shown(lambda: piece_of(self.hub, request.query_params))
-
-    async def cloud(self, request: Request) -> Response:
-        """The residual over a curve."""
-        return await _shown(lambda: cloud_of(self.hub, request.query_params))
-
-    async def charts(self, request: Request) -> Response:
-        """Charts of a fitted arrangement."""
-        return JSONResponse(known_json(self.hub.charts.get(request.query_params.get("key", ""), [])))
-
-    async def take(self, request: Request) -> Response:
-        """A file to take away."""
-        kind = request.path_params["kind"]
-        try:
-            path = await self.hub.ask("take", kind)
-        except NotDone as refused:
-            return _failed(str(refused), 422)
-        clean = BackgroundTask(shutil.rmtree, Path(path).parent, ignore_errors=True)
-        return FileResponse(path, media_type=KINDS[kind].media, filename=KINDS[kind].file, background=clean)
-
 
 async def _broken(request: Request, error: Exception) -> Response:
     return _failed(f"The workbench has a fault: {sentence(error)}. Please report it.", 500)
@@ -193,7 +161,8 @@ async def _in_time(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     """Chunks of a request's body; TimeoutError where the next one does not come."""
     while True:
         try:
-            yield await asyncio.wait_for(anext(chunks), LONGEST_PAUSE)
+            # Time for which the next part of a request is waited for [s]
+            yield await asyncio.wait_for(anext(chunks), 20.0)
         except StopAsyncIteration:
             return
 
@@ -210,15 +179,6 @@ async def _received(request: Request, path: Path) -> None:
             await run_in_threadpool(file.write, chunk)
 
 
-async def _shown(make: Callable[[], Any]) -> Response:
-    try:
-        return JSONResponse(await run_in_threadpool(make))
-    except (NoSuchCurve, OSError):
-        return _failed("These curves are no longer there.", 404)
-    except ValueError as error:
-        return _failed(str(error), 400)
-
-
 async def _json(request: Request) -> dict[str, Any] | str:
     """The object that a request brings, or what is wrong with it."""
     if request.headers.get("content-type", "").split(";")[0] != "application/json":
@@ -227,7 +187,8 @@ async def _json(request: Request) -> dict[str, Any] | str:
     try:
         async for chunk in _in_time(request.stream()):
             content += chunk
-            if len(content) > MOST_ASKED:
+            # Bytes of a request that is no file
+            if len(content) > (1 << 16):
                 return "This is too much."
     except (ClientDisconnect, TimeoutError):
         return "The request did not come whole."
@@ -293,7 +254,8 @@ async def _watch(server: uvicorn.Server, bench: Workbench, keep: bool) -> None:
         await asyncio.sleep(0.2)
         hub = bench.hub
         alone = time.monotonic() - hub.left
-        if not keep and not hub.pages and alone > (AWAY if hub.seen else UNSEEN):
+        # Seconds without any page after which the workbench ends: a reload takes less
+        if not keep and not hub.pages and alone > (10.0 if hub.seen else UNSEEN):
             server.should_exit = True
     bench.ended.set()
     for page in bench.hub.pages:

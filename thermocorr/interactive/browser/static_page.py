@@ -10,9 +10,6 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment
-from markupsafe import Markup
-
 from ...files import OutputError, Outputs
 from ...records import RecordError
 from ...records.errors import way
@@ -87,18 +84,9 @@ def write_static(folder: str | Path, pyodide: str | Path, force: bool = False) -
 def page() -> str:
     """The page, which is the same for every log."""
     options = "".join(f'<option value="{name}">{sample.title}</option>' for name, sample in SAMPLES.items())
-    body = page_assets.whole_body().replace("</select>", f"{options}</select>")
+    body = page_assets.template("body.html").replace("</select>", f"{options}</select>")
     body = body.replace('<p data-part="source" class="soft"></p>', f'<p data-part="source" class="soft">{HINT}</p>')
-    return (
-        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(page_assets.template("static.html"))
-        .render(
-            body=Markup(body),
-            policy=POLICY,
-            styles=[name for name in page_assets.STATIC if name.endswith(".css")],
-            scripts=[name for name in page_assets.STATIC if name.endswith(".js")],
-        )
-    )
+    return page_assets.filled("static.html", body, page_assets.STATIC, policy=POLICY)
 
 
 def packages() -> bytes:

@@ -1,4 +1,4 @@
-"""The process that computes: it holds the bench, does what it is told, and finds out the rest while nobody asks."""
+"""The process that computes: a desk whose work the server may interrupt."""
 
 from __future__ import annotations
 
@@ -11,20 +11,13 @@ import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from ...estimators.progress import one_blas_thread
-from ...records import RecordError
-from ..bench import Bench
-from ..learning import sentence
 from ..opening import Opening
-from ..snapshots import snapshot
-from ..takeaway import past_node, taken
 from ..tiles import Store
-
-CANCELLED = "Cancelled: everything stands as it was."
+from .desk import LOOKS, Desk
 
 
 class Interruptible:
@@ -50,131 +43,74 @@ class Interruptible:
                 self._asked = True
                 _thread.interrupt_main()
 
-    def run(self, work: Callable[[], Any]) -> tuple[bool, Any]:
-        """Whether the work came to its end, and what it returned."""
+    def run(self, work: Callable[[], None]) -> bool:
+        """Whether the work came to its end."""
         with self._lock:
             self._asked = self._raised = False
             self.number += 1
         try:
             self._running = True
-            result = work()
+            work()
             with self._lock:
                 self._running = False
-            return True, result
+            return True
         except KeyboardInterrupt:
-            return False, None
+            return False
         finally:
             self._running = False
 
 
-class Worker:
-    """The loop of the process.
+class ProcessDesk(Desk):
+    """A desk that hears its server by a pipe; what only looks is answered while other work is done.
 
-    `pipe` (Connection): To the server. What comes: ("do", number, asked), ("take", number, kind), ("open", number,
-    Opening) and ("cancel",). What goes: ("snapshot", dict, curves, charts, past), ("progress", text), ("done",
-    number, result) and ("failed", number, sentence). `folder` (str): Where curves and what is taken away are put;
-    removed at the end.
+    `pipe` (Connection): To the server; brings messages, or None to cancel. `folder` (str): Where curves and what is
+    taken away are put; removed at the end.
     """
 
     def __init__(self, pipe: Connection, folder: str):
+        super().__init__(None, self._send, Store(folder), chores=False)
         self.pipe = pipe
-        self.folder = Path(folder)
-        self.store = Store(folder)
-        self.bench: Bench | None = None
         self.work = Interruptible()
-        self.messages: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-        self.chore = 0
+        self.messages: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._chore = 0
         """Number of the work that is a chore, while one is done."""
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._sending = threading.Lock()
+
+    def _send(self, message: dict[str, Any]) -> None:
+        with self._sending:
+            self.pipe.send(message)
 
     def _listen(self) -> None:
         while True:
             try:
                 message = self.pipe.recv()
             except (EOFError, OSError):  # the server has gone
-                shutil.rmtree(self.folder, ignore_errors=True)
+                shutil.rmtree(self.store.folder, ignore_errors=True)
                 os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))  # nothing else ends it at once
                 return
-            if message[0] == "cancel":
+            if message is None:
                 self.work.interrupt()
-                continue
-            self.messages.put(message)
-            if self.chore:
-                self.work.interrupt(self.chore)
-
-    def say(self, *message: Any) -> None:
-        """Send to the server."""
-        self.pipe.send(message)
-
-    def show(self) -> None:
-        """Send what the screen shows."""
-        bench = self.bench
-        if bench is None:
-            return
-        curves = {key: dict(found.curves) for key, found in bench.kept.items()}
-        charts = {key: found.charts for key, found in bench.kept.items() if found.charts is not None}
-        self.say("snapshot", snapshot(bench), curves, charts, past_node(bench.past))
-
-    def run(self, opening: Opening) -> None:
-        """Open a log, then do what comes."""
-        self.messages.put(("open", 0, opening))
-        while True:
-            chore = None
-            if self.messages.empty() and self.bench is not None:
-                chore = self.bench.next_chore()
-            if chore is not None:
-                self._do_chore(*chore)
+            elif message["what"] in LOOKS:
+                self.hear(message)
             else:
-                self.say("progress", "")
-                self._answer(*self.messages.get())
+                self.messages.put(message)
+                if self._chore:
+                    self.work.interrupt(self._chore)
 
-    def _do_chore(self, words: str, work: Callable[[], None]) -> None:
-        self.say("progress", words)
-        self.chore = self.work.number + 1
-        ended, _ = self.work.run(work) if self.messages.empty() else (True, None)
-        self.chore = 0
-        if not ended and self.messages.empty() and self.bench is not None and self.bench.current is not None:
-            for name in ("errors", "diagnosis"):  # cancelled by the user: not begun again by itself
-                self.bench.current.said.setdefault(name, "Stopped. Judge again to go on.")
-            self.bench.current.charts = self.bench.current.charts or []
-        self.show()
+    def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
+        """Do some work; False where the user has cancelled it. A chore makes way for a message, and comes again."""
+        self._chore = self.work.number + 1 if chore else 0
+        ended = self.work.run(work) if not chore or self.messages.empty() else True
+        self._chore = 0
+        return ended or (chore and not self.messages.empty())
 
-    def _answer(self, kind: str, number: int, given: Any) -> None:
-        words = {"open": "reading the log", "take": "writing"}.get(kind, "fitting the model")
-        self.say("progress", words)
-        before = self._stands()
-        try:
-            ended, result = self.work.run(lambda: getattr(self, f"_{kind}")(given))
-            self.show()
-        except MemoryError:
-            self.say("failed", number, "There is not enough memory for this. Open a shorter log.")
-        except Exception as error:  # effects of the user's own raise whatever they like
-            self.say("failed", number, sentence(error))
-        else:
-            cancelled = not ended and self._stands() is before
-            self.say("failed", number, CANCELLED) if cancelled else self.say("done", number, result or {})
-
-    def _stands(self) -> Any:
-        """What is another object as soon as something was done."""
-        return None if self.bench is None else self.bench.past
-
-    def _open(self, opening: Opening) -> None:
-        bench = opening.bench(self.store)
-        if self.bench is not None:  # its curves stay until the other one stands
-            kept = self.bench.kept.values()
-            bench.needed = frozenset(name for found in kept for name in found.curves.values())
-        bench.start()
-        self.bench, bench.needed = bench, frozenset()
-
-    def _do(self, asked: dict[str, Any]) -> dict[str, Any]:
-        if self.bench is None:
-            raise RecordError("The log is still being read, or cannot be. Try again in a moment.")
-        return self.bench.perform(asked)
-
-    def _take(self, kind: str) -> str:
-        if self.bench is None:
-            raise RecordError("The log is still being read, or cannot be. Try again in a moment.")
-        return str(taken(self.bench, kind, self.folder))
+    def serve(self, opening: Opening) -> None:
+        """Open a log, then do what comes, and find out the rest while nobody asks."""
+        self.messages.put({"what": "open", "number": 0, "given": opening})
+        threading.Thread(target=self._listen, daemon=True).start()
+        while True:
+            if not self.messages.empty() or not self.chore():
+                self.hear(self.messages.get())
 
 
 def serve(pipe: Connection, folder: str, opening: Opening, not_its_own: Connection | None = None) -> None:
@@ -189,4 +125,4 @@ def serve(pipe: Connection, folder: str, opening: Opening, not_its_own: Connecti
     if not_its_own is not None:
         not_its_own.close()
     with one_blas_thread(), contextlib.suppress(BrokenPipeError):
-        Worker(pipe, folder).run(opening)
+        ProcessDesk(pipe, folder).serve(opening)

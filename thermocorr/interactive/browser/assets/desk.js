@@ -4,6 +4,7 @@
   const tc = (window.thermocorr ??= {});
 
   class Refused extends Error {}
+  class Gone extends Refused {} // of a state that another one is about to follow: not worth a word
 
   class DeskWire { // port: { send(message), listen(heard) }
     constructor(port, heard) {
@@ -16,7 +17,7 @@
         this.waiting.delete(message.number);
         if (!asked) return;
         if (message.kind === "done") asked.resolve(message.content);
-        else asked.reject(new Refused(message.problem));
+        else asked.reject(new (message.gone ? Gone : Refused)(message.problem));
       });
     }
     asked(what, given, along) {
@@ -30,7 +31,7 @@
       for (const { reject } of this.waiting.values()) reject(new Refused(text));
       this.waiting.clear();
     }
-    ask(asked) { return this.asked("do", asked); }
+    ask(asked, revision) { return this.asked("do", { ...asked, revision }); }
     piece(query) { return this.asked("piece", Object.fromEntries(Object.entries(query).map(([key, value]) => [key, String(value)]))); }
     cloud(query) { return this.asked("cloud", query); }
     charts(key) { return this.asked("charts", { key }); }
@@ -41,5 +42,5 @@
     }
   }
 
-  tc.DeskWire = DeskWire;
+  Object.assign(tc, { DeskWire, Refused, Gone });
 })();

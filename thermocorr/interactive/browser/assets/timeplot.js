@@ -65,15 +65,13 @@
     }
     async fetched(panels) { // points of all panels, from one request for each step that is shown
       const { scale, zero } = this.fitted.axis, wanted = this.wanted(), found = new Map();
-      this.running?.abort();
-      this.running = new AbortController();
       const asked = panels.flatMap((panel) => panel.lines.map((l) => ({ key: l.key ?? panel.key, curve: l.curve })));
       for (const key of new Set(asked.map((one) => one.key))) {
         const names = new Set(asked.filter((one) => one.key === key).map((one) => one.curve));
         try {
-          found.set(key, await this.wire.piece({ key, curves: JSON.stringify([...names]), scale, zero, ...wanted }, this.running.signal));
+          found.set(key, await this.wire.piece({ key, curves: JSON.stringify([...names]), scale, zero, ...wanted }));
         } catch (error) {
-          if (key !== this.ghost || error.name === "AbortError") throw error;
+          if (key !== this.ghost) throw error;
           this.ghost = null; // its curves are no longer kept
         }
       }
@@ -84,7 +82,7 @@
       let panels = this.panels();
       let found;
       try { found = await this.fetched(panels); } catch (error) {
-        if (error.name !== "AbortError" && number === this.asked) this.troubled(error);
+        if (number === this.asked) this.troubled(error);
         return;
       }
       if (number !== this.asked) return; // something newer is under way

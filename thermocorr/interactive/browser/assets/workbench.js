@@ -108,7 +108,7 @@
       if (this.state) this.show(this.state);
     }
     failed(error) { // of what is drawn
-      if (!(tc.Gone && error instanceof tc.Gone)) this.trouble(error.message);
+      if (!(error instanceof tc.Gone)) this.trouble(error.message);
     }
     trouble(text) {
       this.at("trouble").textContent = text || "";
