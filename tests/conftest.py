@@ -16,6 +16,17 @@ from thermocorr.datasets import load_voltage_reference, make_record
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="the tests that take long, too: kills, seeds, whole sessions")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Tests that take long are for `--long`."""
+    if not config.getoption("--long"):
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
+
+
 def pytest_collection_finish():
     """Thousands of tests stay to the end: the collector of garbage need not look at them again and again."""
     gc.collect()
