@@ -298,8 +298,8 @@ On {machine}; {versions}; fits {compiled}.
 
 "Floor" is one read of the temperature and the cross products of ready blocks of as many columns: no least squares could
 do with less. scikit-learn's search is timed over some of the 1000 sets, with a transformer that does nothing but
-`lfilter`. Memory: a fit needs a few MiB beyond the data whatever their length (`benchmarks/fit_speed.py`,
-`benchmarks/streaming.py`).
+`lfilter`. Memory: a fit needs a few MiB beyond the data whatever their length
+(`benchmarks/streaming.py`).
 """
 
 

@@ -43,7 +43,7 @@ def test_a_long_record_opens_quickly_and_is_small(browser, tmp_path, voltage):
     assert path.stat().st_size < 5e6
     opened(browser, path)
     ready = int(browser.execute_script("return document.documentElement.dataset.ready"))
-    assert ready < 8000  # [ms]; 0.6 s on an idle core, see benchmarks/report_page.py; shared machines are slower
+    assert ready < 8000  # [ms]; 0.6 s on an idle core; shared machines are slower
     assert series(browser, 1, 1)[1].size == len(X)  # nothing thinned out at this length
 
 
