@@ -152,12 +152,10 @@ def fitted(
     return model.fit(X, y), X
 
 
-def later(model, X, n, seed=2, irregular=False, kelvin=False, follows=False, single=True, days=10):
-    """A record that starts anew some days after the fitted one, or follows it; numbers as the C type holds them."""
-    begin = X.index[-1] + (pd.Timedelta(PERIOD, "s") if follows else pd.Timedelta(days, "D"))
+def later(model, X, n, seed=2, irregular=False, kelvin=False, single=True, days=10):
+    """A record that starts anew some days after the fitted one; numbers as the C type holds them."""
+    begin = X.index[-1] + pd.Timedelta(days, "D")
     new = ambient(n, seed, irregular, kelvin, begin)
-    if follows:  # no jump at the seam: the record goes on from where it was
-        new["temperature"] += X["temperature"].iloc[-1] - new["temperature"].iloc[0]
     return new.astype(np.float32).astype(float) if single else new
 
 
@@ -188,10 +186,10 @@ def compile_c(export: FirmwareExport, command=("gcc", "-O2"), start=0) -> Path:
     return program
 
 
-def run_c(program: Path, record: pd.DataFrame, reading, columns=(), before=(), first_step=0) -> Run:
+def run_c(program: Path, record: pd.DataFrame, reading, columns=(), before=()) -> Run:
     """Feed a record to a program; `before` stands in front of its command, as an emulator does."""
     ticks = record.index.astype("datetime64[ns]").asi8 // 1000
-    steps = np.diff(ticks, prepend=ticks[0] - first_step)
+    steps = np.diff(ticks, prepend=ticks[0])
     rows = np.column_stack([steps, record["temperature"], reading, *(record[name] for name in columns)])
     given, answers = program.with_suffix(".in"), program.with_suffix(".out")
     np.ascontiguousarray(rows, float).tofile(given)
@@ -209,15 +207,13 @@ def start_of(export, X, new):
     return microseconds if export.sampling_period is None else round(microseconds / (export.sampling_period * 1e6))
 
 
-def errors(model, X, folder, dtype, n, variable=False, follows=False, kelvin=False, command=("gcc", "-O2"), before=()):
+def errors(model, X, folder, dtype, n, variable=False, kelvin=False, command=("gcc", "-O2"), before=()):
     """Largest difference between C and Python, as a share of the range of the bias; the export; the flags' match."""
-    new = later(model, X, n, irregular=variable, kelvin=kelvin, follows=follows, single=dtype == "float")
+    new = later(model, X, n, irregular=variable, kelvin=kelvin, single=dtype == "float")
     period = "variable" if variable else PERIOD
-    export = export_c(model, Path(folder) / "bias", dtype, sampling_period=period, continue_from_fit=follows)
-    start = 0 if follows else start_of(export, X, new)
-    program = compile_c(export, command, start)
-    first = round(PERIOD * 1e6) if follows else 0
-    run = run_c(program, new, np.ones(n), export.columns, before, first)
+    export = export_c(model, Path(folder) / "bias", dtype, sampling_period=period)
+    program = compile_c(export, command, start_of(export, X, new))
+    run = run_c(program, new, np.ones(n), export.columns, before)
     expected = model.bias(new).to_numpy()
     return np.abs(run.bias - expected).max() / np.ptp(expected), export, run, expected, new
 
@@ -230,4 +226,4 @@ def tool(name):
 needs_gcc = pytest.mark.skipif(tool("gcc") is None, reason="no C compiler: install gcc to run the exported code")
 ROWS = 20_000
 BOUNDS = {"double": 1e-12, "float": 1e-5}
-"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6, see benchmarks/firmware.py for a million rows."""
+"""Promised share of the range of the bias. Measured: 1e-14 and 1e-6."""

@@ -36,34 +36,34 @@ def model_of(kind):
     return fitted(**MODELS[kind])
 
 
-def exported(model, folder, variable=False, follows=False):
+def exported(model, folder, variable=False):
     """The export, and what its module defines."""
     period = "variable" if variable else PERIOD
-    export = export_to(Python(), model, folder / "bias.py", "double", sampling_period=period, continue_from_fit=follows)
+    export = export_to(Python(), model, folder / "bias.py", "double", sampling_period=period)
     (path,) = export.paths
     defined = {}
     exec(compile(path.read_text(), path, "exec"), defined)
     return export, defined
 
 
+@pytest.mark.long
 @pytest.mark.newest
-@pytest.mark.parametrize("follows", [False, True])
 @pytest.mark.parametrize("variable", [False, True])
 @pytest.mark.parametrize("kind", MODELS)
-def test_python_gives_the_bias_of_the_model(kind, variable, follows, tmp_path):
+def test_python_gives_the_bias_of_the_model(kind, variable, tmp_path):
     if variable and "delay" in kind:
         pytest.skip("refused: a delay needs a fixed step")
     model, X = model_of(kind)
-    export, defined = exported(model, tmp_path, variable, follows)
+    export, defined = exported(model, tmp_path, variable)
     largest, wrong = defined["self_test"]()
     assert wrong == 0, largest
 
     kelvin = MODELS[kind].get("kelvin", False)
-    new = later(model, X, ROWS, irregular=variable, kelvin=kelvin, follows=follows, single=False)
+    new = later(model, X, ROWS, irregular=variable, kelvin=kelvin, single=False)
     takes_start = defined["Device"].__init__.__code__.co_argcount > 1
     device = defined["Device"](*([start_of(export, X, new)] if takes_start else []))
     ticks = new.index.astype("datetime64[ns]").asi8 // 1000
-    steps = np.diff(ticks, prepend=ticks[0] - (round(PERIOD * 1e6) if follows else 0)).tolist()
+    steps = np.diff(ticks, prepend=ticks[0]).tolist()
     found = []
     for step, (_, row) in zip(steps, new.iterrows(), strict=True):
         columns = [[row[name] for name in export.columns]] if export.columns else []
@@ -76,7 +76,7 @@ def test_python_gives_the_bias_of_the_model(kind, variable, follows, tmp_path):
     outside = (new["temperature"] < low) | (new["temperature"] > high)
     np.testing.assert_array_equal((flags & 16) > 0, outside)
     washout = model.flags(new).to_numpy() == "washout"
-    np.testing.assert_array_equal(flags & ~(16 | 128 | 256), np.where(washout & (not follows), 8, 0))
+    np.testing.assert_array_equal(flags & ~(16 | 128 | 256), np.where(washout, 8, 0))
 
 
 def test_python_has_no_single_precision(tmp_path):

@@ -46,16 +46,13 @@ def with_columns():
 @needs_gcc
 @pytest.mark.parametrize("kind", KINDS)
 def test_c_gives_the_bias_of_python(kind, tmp_path):
-    """A device that starts anew, at a fixed period; one that goes on where the fit ended, with steps of its own."""
+    """At a fixed period, and with steps of its own."""
     settings = KINDS[kind]
     model, X = fitted(**settings)
     kelvin = settings.get("kelvin", False)
-    runs = [("double", False, False), ("float", False, False), ("float", True, True)]
-    if kind.startswith("delay"):
-        runs[-1] = ("float", False, True)
-    for dtype, variable, follows in runs:
-        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, follows, kelvin, command=("gcc", "-O1"))
-        assert error < BOUNDS[dtype], (dtype, variable, follows)
+    for dtype, variable in (("double", False), ("float", not kind.startswith("delay"))):
+        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, kelvin, command=("gcc", "-O1"))
+        assert error < BOUNDS[dtype], (dtype, variable)
 
 
 class Twisted(Effect):
@@ -94,15 +91,14 @@ class Twisted(Effect):
 
 
 @needs_gcc
-@pytest.mark.parametrize("follows", [False, True])
 @pytest.mark.parametrize("effect", [Twisted(), Twisted(100.0)], ids=["words", "delayed"])
-def test_any_formula_becomes_c(effect, follows, tmp_path):
+def test_any_formula_becomes_c(effect, tmp_path):
     model, X = fitted([effect])
     for dtype in ("double", "float"):
         for variable in (False, True):
             if variable and effect.delay:
                 continue  # refused by name
-            error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, follows, command=("gcc", "-O1"))
+            error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, command=("gcc", "-O1"))
             assert error < BOUNDS[dtype], (dtype, variable, error)
 
 
@@ -271,22 +267,19 @@ def test_a_gap_is_one_long_step(tmp_path, simple):
 
 
 @needs_gcc
-@pytest.mark.parametrize("follows", [False, True])
 @pytest.mark.parametrize("kind", ["several", "lag_products, of the model", "initial_transient"])
-def test_a_gap_beyond_max_gap_starts_anew(kind, follows, tmp_path):
+def test_a_gap_beyond_max_gap_starts_anew(kind, tmp_path):
     """Python takes what comes after a gap longer than max_gap (1 h here) as a device of unknown state."""
     model, X = fitted(**KINDS[kind])
-    new = later(model, X, 2000, irregular=True, follows=follows)
+    new = later(model, X, 2000, irregular=True)
     new.index = new.index + pd.to_timedelta(np.where(np.arange(2000) > 1000, 4000.0, 0.0), unit="s")
     for dtype in ("float", "double"):
-        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable", continue_from_fit=follows)
-        first = round(PERIOD * 1e6) if follows else 0
-        program = compile_c(export, start=0 if follows else start_of(export, X, new))
-        run = run_c(program, new, np.ones(2000), export.columns, first_step=first)
+        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable")
+        run = run_c(compile_c(export, start=start_of(export, X, new)), new, np.ones(2000), export.columns)
         expected = model.bias(new).to_numpy()
         assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
         np.testing.assert_array_equal((run.flags & 8) > 0, model.flags(new) == "washout")
-        assert (run.flags[:1001] & 8).any() != follows and (run.flags[1001:] & 8).any()
+        assert (run.flags[:1001] & 8).any() and (run.flags[1001:] & 8).any()
 
 
 def test_what_correct_keeps_is_kept(tmp_path):

@@ -158,10 +158,9 @@ def build_selftest(export, command, output):
 @needs_gcc
 @pytest.mark.parametrize("dtype", ["float", "double"])
 @pytest.mark.parametrize("period", ["fitted", "variable"])
-@pytest.mark.parametrize("follows", [False, True])
-def test_the_self_test_passes_and_can_fail(dtype, period, follows, tmp_path, with_columns):
+def test_the_self_test_passes_and_can_fail(dtype, period, tmp_path, with_columns):
     model, _ = with_columns
-    export = export_c(model, tmp_path / "bias", dtype, sampling_period=period, continue_from_fit=follows)
+    export = export_c(model, tmp_path / "bias", dtype, sampling_period=period)
     program = build_selftest(export, ["gcc", "-O1"], tmp_path / "test")
     done = subprocess.run([program], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "passed, 0 of 160" in done.stdout

@@ -30,11 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time between samples: seconds, a span such as 15s, 'fitted' for the log's usual step (default), or "
         "'variable' where each update is told its step",
     )
-    parser.add_argument(
-        "--continue-from-fit",
-        action="store_true",
-        help="start with the states at the end of the fitted log instead of a device at rest",
-    )
     parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
 
 
@@ -52,7 +47,6 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
             "double" if options.double else "float",
             sampling_period=options.sampling_period,
             name=options.name,
-            continue_from_fit=options.continue_from_fit,
             force=options.force,
             inputs=[options.model],
         )

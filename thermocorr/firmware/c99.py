@@ -317,9 +317,7 @@ class CText:
             "Call init once, then update for every sample, also where an input is missing (NaN): its last good value",
             "stands in. After a long outage, or when the device was moved, call init again.",
         ]
-        if t.continues:
-            said.append(f"The first sample follows the last fitted row by {'one period' if t.fixed else 'its step'}.")
-        elif self.firmware.asks_start:
+        if self.firmware.asks_start:
             unit = f"samples of {t.period:.10g} s" if t.fixed else "microseconds"
             first = "first sample" if t.fixed else "call of init, from which the first step counts"
             said.append(f"start: {unit} from the first fitted row to the {first}.")

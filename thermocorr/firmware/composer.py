@@ -12,12 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from ..effects import CATALOGUE, Effect
 from ..effects.expressions import Decays, Delayed, Lag, Play, TraceError, Word, traced
 from ..effects.protocol import refuse_foresight
-from ..equations import LagState, decays
 from .lagbank import LagBank, LagInput
 from .part import Atom, Part, Polynomial, Said, most_common, without
 from .program import Input, Numbers, Program, TimeCounter
@@ -25,8 +22,6 @@ from .statements import Assign, Bracketed, Choice, Costed, Formula, If, Item, Nu
 
 LONGEST_DELAY = 4096
 """Samples that a delay may reach back to: 16 kB in single precision."""
-_FORGOTTEN = 1e-9
-"""Decays below it at the end of the fit are nothing in single precision."""
 
 Later = Callable[[int], Any]
 """What a word says in the next stage: a polynomial, or a list of them."""
@@ -39,8 +34,6 @@ class Followed:
     value: Formula
     change: Callable[[], Formula]
     """Reads the local variable: change since the sample before, 0 where a segment begins."""
-    counted_from: float
-    """What the value lacks of the one that the effect means."""
     said: str
     unit: str
 
@@ -52,36 +45,33 @@ class Words:
         self.composer, self.program, self.target = composer, composer.program, composer.program.target
         self._followed: dict[Hashable, Followed] = {}
 
-    def follow(self, word: Word, p: Polynomial, state: Any, name: str, stage: int) -> Later:
-        """Let a word follow a value; `state` is what it ended the fit with, for a program that continues it."""
+    def follow(self, word: Word, p: Polynomial, name: str, stage: int) -> Later:
+        """Let a word follow a value."""
         if isinstance(word, Lag):
-            return self._lag(word, p, state, name, stage)
+            return self._lag(word, p, name, stage)
         if isinstance(word, Play):
-            return self._play(word, p, state, stage)
+            return self._play(word, p, stage)
         if isinstance(word, Delayed):
-            return self._delayed(word, p, state, name, stage)
-        assert isinstance(word, Decays)
-        return self._decays(word)
+            return self._delayed(word, p, name, stage)
+        assert isinstance(word, Decays)  # eq. (18): they belong to fitted segments, of which the device is none
+        return lambda _: [Polynomial({}) for _, taus in word.of_segments for _ in taus]
 
-    def previous(self, p: Polynomial, state: Any, name: str, stage: int) -> Polynomial:
+    def previous(self, p: Polynomial, name: str, stage: int) -> Polynomial:
         """The value less its change."""
-        given = self._following(p, state, name, stage)
+        given = self._following(p, name, stage)
         said = f"change of {given.said}"
         return p - self.composer.atom(("change", p.moving.key()), given.change, said, given.unit)
 
-    def _following(self, p: Polynomial, ended: float | None, name: str, stage: int) -> Followed:
+    def _following(self, p: Polynomial, name: str, stage: int) -> Followed:
         """How to follow a value: an input is remembered already, for any other the code keeps the one before."""
         program, composer = self.program, self.composer
         if (given := composer.input_of(p)) is not None:
-            return Followed(given.value, lambda: program.change(given), 0.0, given.said, given.unit)
+            return Followed(given.value, lambda: program.change(given), given.said, given.unit)
         p = composer.as_one(p, name, stage)
         if (key := p.moving.key()) not in self._followed:
             value, alone = composer.said(p.moving).value, p.alone()
             unit = "" if alone is None else composer.atoms[alone].unit
             before = program.member(f"{name}_before", f"{value} at the sample before")
-            if ended is not None:
-                at_end = program.constant(f"{name}_at_end", ended - p.constant, "of the fit")
-                program.init.add(Assign(before, at_end))
             program.store.add(Assign(before, value))
             moved = program.name(f"{name}_moved")
 
@@ -90,14 +80,14 @@ class Words:
 
             said = f"{name} ({value})"
             reads = partial(program.local, moved, change, stage)
-            self._followed[key] = Followed(value, reads, p.constant, said, unit)
+            self._followed[key] = Followed(value, reads, said, unit)
         return self._followed[key]
 
-    def _lag(self, word: Lag, p: Polynomial, state: LagState | None, name: str, stage: int) -> Later:
+    def _lag(self, word: Lag, p: Polynomial, name: str, stage: int) -> Later:
         """Eqs. (19) (25)."""
-        given = self._following(p, None if state is None else state.temperature, name, stage)
+        given = self._following(p, name, stage)
         source, taus = LagInput(given.value, given.said, given.change, given.unit or "1"), word.time_constants
-        group = self.composer.lags.request(source, taus, word.hold, state, given.counted_from, stage)
+        group = self.composer.lags.request(source, taus, word.hold, stage)
 
         def later(_: int) -> list[Polynomial]:
             return [self._lagged(place, tau, given) for place, tau in zip(group.columns(taus), taus, strict=True)]
@@ -107,17 +97,13 @@ class Words:
     def _lagged(self, place: Formula, tau: float, given: Followed) -> Polynomial:
         return self.composer.atom(place, lambda: place, f"lag of {given.said}, {tau:.6g} s", given.unit)
 
-    def _play(self, word: Play, p: Polynomial, state: float | None, stage: int) -> Later:
+    def _play(self, word: Play, p: Polynomial, stage: int) -> Later:
         """The play operator; its position is counted as the value is."""
         program, composer = self.program, self.composer
         value = composer.said(composer.as_one(p, "play", stage).moving).value
         play = program.member("play", f"position of the play of width {word.width:.6g}, as {value}")
         half = program.shared("half_width", word.width / 2, "of the play")
-        if state is not None:
-            ended = program.constant("play_at_end", state - p.constant, "of the fit")
-            program.init.add(Assign(play, ended))
-        if self.target.begins:
-            program.stage(stage).begin.add(Assign(play, value))
+        program.stage(stage).begin.add(Assign(play, value))
         upper = If(play > value + half, [Assign(play, value + half)])
         moved = If(play < value - half, [Assign(play, value - half)], otherwise=upper)
         program.stage(stage).advance.add(moved, cost=Operations(adds=4))
@@ -127,7 +113,7 @@ class Words:
 
         return lambda after: p + composer.local(play, "lead", after, lead, self.target.degree)
 
-    def _delayed(self, word: Delayed, p: Polynomial, state: Any, name: str, stage: int) -> Later:
+    def _delayed(self, word: Delayed, p: Polynomial, name: str, stage: int) -> Later:
         """A ring of the last values; a straight line between two of them."""
         program, target, composer = self.program, self.target, self.composer
         if target.period is None:
@@ -148,16 +134,9 @@ class Words:
             )
         given = composer.input_of(p)
         value = given.value if given else composer.said(composer.as_one(p, name, stage).moving).value
-        counted_from = 0.0 if given else p.constant
         ring = program.member("ring", f"{value}, the last {length} samples", length)
         oldest = program.member("oldest", f"where in {ring.name} the oldest stands", kind="uint32")
-        if state is not None:
-            ago = target.period * np.arange(length - 1, -1, -1.0)  # from the oldest to the last fitted row
-            past = np.interp(state.elapsed[-1] - ago, state.elapsed, state.temperature) - counted_from
-            at_end = program.constant("ring_at_end", past, "of the fit")
-            program.init.loop(length, lambda j: [Assign(ring[j], at_end[j])])
-        if target.begins:
-            program.stage(stage).begin.loop(length, lambda j: [Assign(ring[j], value)])
+        program.stage(stage).begin.loop(length, lambda j: [Assign(ring[j], value)])
         earlier, next_one = ring[oldest], oldest + Whole(1)
         step_on = Choice(next_one < Whole(length), next_one, Whole(0))
         program.store.add(Assign(earlier, value), *([Assign(oldest, step_on)] if length > 1 else []))
@@ -173,31 +152,6 @@ class Words:
 
         unit = given.unit if given else ""
         return lambda after: p + composer.local(ring, "late", after, partial(late, after), unit)
-
-    def _decays(self, word: Decays) -> Later:
-        """Eq. (18): decays belong to fitted segments, so that only a program that continues the last one has them."""
-        target, nothing = self.target, Polynomial({})
-        if not target.continues:
-            return lambda _: [nothing for _, taus in word.of_segments for _ in taus]
-        last = len(target.fitted_history.record.segments) - 1
-        taus = np.array(dict(word.of_segments).get(last, ()))
-        left = decays(np.array([target.segment_elapsed]), taus)[0]
-        felt = left > (_FORGOTTEN if target.single else 0.0)
-        source = LagInput(None, "decay of the start", None, "1")
-        group = self.composer.lags.request(source, taus[felt], end=LagState(left[felt], 0.0))
-
-        def later(_: int) -> list[Polynomial]:
-            columns = []
-            for key, of_segment in word.of_segments:
-                for j, tau in enumerate(of_segment):
-                    known = key == last and felt[j]
-                    columns.append(self._decay(group.columns([tau])[0]) if known else nothing)
-            return columns
-
-        return later
-
-    def _decay(self, place: Formula) -> Polynomial:
-        return self.composer.atom(place, lambda: place, "a decay")
 
 
 def refuse(effects: Sequence[Effect], language: str) -> None:
@@ -235,9 +189,9 @@ class Composer:
         self.inputs: dict[int, Input] = {}
         self.words = Words(self)
 
-    def write(self, effects: Sequence[Effect], weights: Sequence[Numbers], states: Sequence[Any]) -> None:
-        """Write effects, the coefficients of their columns, and the states that they go on from (None: from rest)."""
-        parts = [Part(self, effect, state) for effect, state in zip(effects, states, strict=True)]
+    def write(self, effects: Sequence[Effect], weights: Sequence[Numbers]) -> None:
+        """Write effects, and the coefficients of their columns."""
+        parts = [Part(self, effect) for effect in effects]
         for stage in range(1 + max((part.last_stage for part in parts), default=0)):
             for part in parts:
                 part.write(stage)

@@ -24,13 +24,7 @@ from .language import Language
 from .program import Program, TimeCounter, settling
 from .selftest import TOLERANCE, Trial, courses, expected_flags, reference_bias, tolerance
 from .selftest import inputs as test_inputs
-from .statements import Assign, Kept, Whole
 from .target import DEFAULT_PREFIX, Dtype, Target, prefix
-
-_ROUNDINGS = 4.0
-"""Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum."""
-_FINE_STEP = 0.5
-"""Step of the readings in single precision, over their noise, from which it is told: it adds 1 % to the noise."""
 
 
 def export_c(
@@ -40,7 +34,6 @@ def export_c(
     *,
     sampling_period: Any = "fitted",
     name: str | None = None,
-    continue_from_fit: bool = False,
     force: bool = False,
     inputs: Iterable[str | Path] = (),
 ) -> FirmwareExport:
@@ -70,8 +63,6 @@ def export_c(
     name : str, optional
         Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`. One that C
         or its library has taken ("int", "math") comes behind ``thermal_bias_``.
-    continue_from_fit : bool, default False
-        Start with the states at the end of the fitted record: the first sample follows its last row by one period.
     force : bool, default False
         Overwrite files that thermocorr did not write.
     inputs : paths
@@ -90,14 +81,7 @@ def export_c(
         An OSError and a RecordError: the files cannot be written, or must not be; none of them is.
     """
     return export_to(
-        C99(),
-        model,
-        path,
-        dtype,
-        sampling_period=sampling_period,
-        name=name,
-        continue_from_fit=continue_from_fit,
-        outputs=Outputs(inputs, force),
+        C99(), model, path, dtype, sampling_period=sampling_period, name=name, outputs=Outputs(inputs, force)
     )
 
 
@@ -109,7 +93,6 @@ def export_to(
     *,
     sampling_period: Any = "fitted",
     name: str | None = None,
-    continue_from_fit: bool = False,
     outputs: Outputs | None = None,
 ) -> FirmwareExport:
     """Write a fitted model in a language; parameters, result and errors are those of `export_c`."""
@@ -130,12 +113,10 @@ def export_to(
         temperature_name=static.temperature_name_,
         degree=difference_unit(model.reading_.temperature_unit) if hasattr(model, "reading_") else "K",
         history=history,
-        continues=continue_from_fit,
     )
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
-    states = [None] * len(effects) if not continue_from_fit else list(target.fitted_history.end_states[-1])
-    parts = [(effects[i], weights[i], states[i]) for i in removed]
+    parts = [(effects[i], weights[i]) for i in removed]
     program, clock = _compose(model, Program(target, language.keywords), parts)
     screen = None if history is None else history.screen
     motions = (
@@ -162,7 +143,7 @@ def export_to(
     )
 
 
-def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray, Any]]) -> Trial:
+def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray]]) -> Trial:
     """The self-test, by the effects themselves."""
     target, history = firmware.target, firmware.target.history
     step = target.period or (history.usual_step if history is not None else 1.0)
@@ -182,7 +163,8 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
 
 def _warn_of_lost_digits(found: Cancellation) -> None:
     """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
-    rounding = _ROUNDINGS * float(np.finfo(np.float32).eps) / 2
+    # Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum
+    rounding = 4.0 * float(np.finfo(np.float32).eps) / 2
     if found.beyond(TOLERANCE["float"] / rounding):
         warn(
             f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
@@ -197,7 +179,8 @@ def _warn_of_coarse_readings(model: Any) -> None:
         return
     largest = abs(reading.mean) + reading.std
     step = float(np.spacing(np.float32(largest)))
-    if step > _FINE_STEP * noise:
+    # Step of the readings in single precision, over their noise, from which it is told: it adds 1 % to the noise
+    if step > 0.5 * noise:
         said, fine, noisy = (quantity_text(value, reading.unit) for value in (largest, step, noise))
         warn(
             f"A reading of {said} has steps of {fine} in single precision, and the noise is {noisy}: corrected "
@@ -206,21 +189,11 @@ def _warn_of_coarse_readings(model: Any) -> None:
         )
 
 
-def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray, Any]]) -> tuple[Program, TimeCounter]:
+def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray]]) -> tuple[Program, TimeCounter]:
     """Let every effect write its part."""
-    target = program.target
-    if target.continues:
-        kept = target.fitted_history.record
-        last = target.last_row
-        ended = program.constant("temperature_at_end", kept.columns[target.temperature_name][last], "of the fit")
-        program.init.add(Assign(Kept("temperature"), ended))
     composer = Composer(program, model.reading_.unit if hasattr(model, "reading_") else "")
     program.bias_constant += getattr(model, "removed_level", 0.0)
     composer.write(*zip(*parts, strict=True))
-    if target.continues:
-        for number, column in enumerate(program.columns):
-            ended = program.constant(f"column_at_end_{number}", kept.columns[column][last], "of the fit")
-            program.init.add(Assign(Kept("column")[Whole(number)], ended))
     settling(program, float(model.washout_))
     return program, composer.clock
 
@@ -244,8 +217,8 @@ def _period(given: Any, history: Any) -> float | None:
 def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
     """Times of samples since the first fitted row [s]."""
     if target.period is not None:
-        return target.origin + target.period * np.arange(len(steps))
-    return target.origin + (target.first_count + np.cumsum(np.round(steps * 1e6))) / 1e6
+        return target.period * np.arange(len(steps))
+    return np.asarray(np.cumsum(np.round(steps * 1e6)) / 1e6)
 
 
 def _recorded(program: Program, history: Any) -> dict[Any, np.ndarray]:

@@ -90,7 +90,7 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     lines.append(f"{of} at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}")
     if target.history is not None:
         record = target.history.record
-        first, last = (record.times.label(row) for row in (0, target.last_row))
+        first, last = (record.times.label(row) for row in (0, target.history.record.segments[-1].stop - 1))
         lines.append(f"Fitted rows: {target.history.n_fitted}, from {first} to {last}")
         lines.append(f"Their usual step: {target.history.usual_step:.10g} s")
     taus = ", ".join(f"{tau:.6g}" for tau in model.time_constants_)
@@ -103,10 +103,8 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     lines.append(f"Effects kept in the corrected reading: {kept or 'none'}")
     step = "given to each update" if target.period is None else f"{target.period:.17g} s, fixed"
     lines.append(f"Time between samples: {step}")
-    start = "that of the fitted record's end" if target.continues else "unknown, taken to be at rest"
-    lines.append(f"State after init: {start}")
-    if not target.continues:
-        lines.append(f"Flagged after it, while the lags forget: {float(model.washout_):.6g} s")
+    lines.append("State after init: unknown, taken to be at rest")
+    lines.append(f"Flagged after it, while the lags forget: {float(model.washout_):.6g} s")
     return lines
 
 
@@ -192,4 +190,4 @@ class Firmware:
     @property
     def asks_start(self) -> bool:
         """Whether `init` must be told when the first sample is: samples or microseconds from the first fitted row."""
-        return self.clock.used and not self.target.continues
+        return self.clock.used

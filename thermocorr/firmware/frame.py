@@ -31,8 +31,6 @@ from .statements import (
 )
 from .target import LONGEST_STEP_US, MICROSECONDS
 
-_LARGEST_INPUT = 1e12
-"""A column beyond it counts as missing; so does an input whose highest power the device could not hold."""
 _SPANS, _KELVINS = 1000.0, 1000.0
 """A temperature so many fitted spans (at least so many kelvins) from T0 is a fault of the thermometer.
 
@@ -54,8 +52,7 @@ def starting(firmware: Firmware) -> list[Statement]:
             steps.append(Loop(member.length, [Assign(place[TURN], zero)]))
     if firmware.asks_start:
         steps.append(Assign(firmware.clock.count(), Variable("start")))
-    steps += firmware.program.init
-    return [*steps, Assign(_STARTED, Whole(1))] if firmware.target.continues else steps
+    return steps
 
 
 def updating(firmware: Firmware) -> list[list[Statement]]:
@@ -118,7 +115,8 @@ def _inputs(firmware: Firmware) -> list[Statement]:
     absurd = _absurd(firmware, _TEMPERATURE, p.highest_power, hottest)
     steps.append(If(absurd, [Raise("NO_TEMPERATURE"), Assign(_TEMPERATURE, _LAST)]))
     if p.columns:
-        absurd = _absurd(firmware, _COLUMN, p.highest_power, _LARGEST_INPUT)
+        # A column beyond it counts as missing; so does an input whose highest power the device could not hold
+        absurd = _absurd(firmware, _COLUMN, p.highest_power, 1e12)
         bad = absurd if t.fixed else binary(absurd, "or", Raised(("BAD_STEP",)))
         missing = Raise("NO_COLUMN", unless="" if t.fixed else "BAD_STEP")
         take = [Assign(_COLUMN, Variable("columns")[TURN]), If(bad, [missing, Assign(_COLUMN, _LAST_COLUMN)])]

@@ -38,8 +38,6 @@ from .statements import (
 )
 from .target import LONGEST_STEP_US, MICROSECONDS
 
-AGREES = 1e-3
-"""Two courses agree that differ by less than this share of the noise."""
 _KEPT = {
     "last": "the last value of each input that was believed",
     "known": "1 where there is one",
@@ -203,7 +201,8 @@ class Guard:
     def _courses(self) -> list[Statement]:
         """Follow the course of the inputs, and the other one while they are apart: `records.gate.Doubt`."""
         difference = Bias("result") - Bias("other_result")
-        small = Call("is_within", (difference, Number(AGREES * self.deviation)))
+        # Two courses agree that differ by less than this share of the noise
+        small = Call("is_within", (difference, Number(1e-3 * self.deviation)))
         large = Unary("not", Call("is_within", (difference, Number(self.deviation))))
         none, one, n = Number(0.0), Number(1.0), len(self.motions)
         doubted = binary(_DOUBTED, "!=", none)

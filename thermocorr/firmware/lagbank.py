@@ -17,7 +17,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..equations import LagState
 from ..equations.lags import Hold, decay_and_gain
 from .program import Program
 from .statements import (
@@ -111,20 +110,16 @@ def _helper(program: Program, form: Form) -> Helper:
     return program.helpers[name]
 
 
-COMPENSATED_FROM = 16.0
-"""tau/dt from which single precision is compensated: below it, rounding adds up to less than 16 * 2^-24 = 1e-6."""
-
-
 @dataclass(frozen=True)
 class LagInput:
     """What a lag follows."""
 
-    value: Formula | None
-    """The input, which tells lags of equal input; None: a decay, which follows nothing."""
+    value: Formula
+    """The input, which tells lags of equal input."""
     said: str
     """For comments."""
-    change: Callable[[], Formula] | None
-    """Reads the local variable: change of the input since the sample before; None for a decay."""
+    change: Callable[[], Formula]
+    """Reads the local variable: change of the input since the sample before."""
     unit: str
 
 
@@ -135,13 +130,13 @@ class Group:
     source: LagInput
     hold: str
     stage: int
-    ends: dict[float, float] = field(default_factory=dict)
-    """Time constant [s] -> lag difference at the end of the fit."""
+    time_constants: set[float] = field(default_factory=set)
+    """[s]."""
     array: Kept = field(init=False)
 
     def columns(self, time_constants: Sequence[float]) -> list[Item]:
         """Where lag differences stand, after the bank has been emitted."""
-        order = sorted(self.ends)
+        order = sorted(self.time_constants)
         return [self.array[Whole(order.index(float(tau)))] for tau in time_constants]
 
 
@@ -150,45 +145,28 @@ class LagBank:
 
     def __init__(self, program: Program):
         self.program = program
-        self.groups: dict[tuple[Formula | None, str], Group] = {}
+        self.groups: dict[tuple[Formula, str], Group] = {}
 
     def request(
-        self,
-        source: LagInput,
-        time_constants: Sequence[float],
-        hold: str = "first_order",
-        end: LagState | None = None,
-        counted_from: float = 0.0,
-        stage: int = 0,
+        self, source: LagInput, time_constants: Sequence[float], hold: str = "first_order", stage: int = 0
     ) -> Group:
-        """Ask for lags; `end` is their state at the end of the fit, for a program that continues it.
-
-        The device rounds the last input, which the code counts from `counted_from`. The lagged value must not move by
-        that, so the lag differences take it up.
-        """
+        """Ask for lags."""
         group = self.groups.setdefault((source.value, hold), Group(source, hold, stage))
-        last = 0.0 if end is None else end.temperature - counted_from
-        rounded_off = last - self.program.target.held(last)
-        for j, tau in enumerate(time_constants):
-            group.ends[float(tau)] = 0.0 if end is None else float(end.lag_difference[j]) + rounded_off
+        group.time_constants.update(map(float, time_constants))
         return group
 
     def emit(self, stage: int) -> None:
         """Write members and recursions of a stage."""
         for number, group in enumerate(self.groups.values()):
-            taus = np.array(sorted(group.ends))
+            taus = np.array(sorted(group.time_constants))
             if group.stage == stage and len(taus):
                 self._emit(group, taus, "" if number == 0 else f"_{number + 1}")
 
     def _emit(self, group: Group, taus: np.ndarray, suffix: str) -> None:
         program, target, n = self.program, self.program.target, len(taus)
-        name = "lag" if group.source.change else "decay"
         times = ", ".join(f"{tau:.6g}" for tau in taus)
         comment = f"{group.source.said}: tau = {times} s [{group.source.unit}]"
-        lag = group.array = program.member(f"{name}{suffix}", comment, n)
-        if target.continues:
-            ended = program.constant(f"{name}_at_end{suffix}", [group.ends[t] for t in taus], group.source.unit)
-            program.init.loop(n, lambda j: [Assign(lag[j], ended[j])])
+        lag = group.array = program.member(f"lag{suffix}", comment, n)
         begin = program.stage(group.stage).begin
         if target.longest_step is not None:  # rest: what `init` does before the first sample
             begin.loop(n, lambda j: [Assign(lag[j], Number(0.0))])
@@ -202,14 +180,12 @@ class LagBank:
             return
         program, target, n, array = self.program, self.program.target, high - low, group.array
         stage = program.stage(group.stage)
-        change = None if group.source.change is None else group.source.change()
+        change = group.source.change()
         compensated = low >= n_plain(group, taus, target)
         form: Form = "loss" if target.single or compensated else "decay"
         part = ("_fast" if high < len(taus) else "_slow" if low else "") + suffix
-        hold = group.hold if change else ""
-        factors = lag_factors(program, taus[low:high], hold, form, part)
-        sums = (form == "loss") + (change is not None)
-        cost = Operations.of(1 + (factors.gain is not None), sums) + factors.cost
+        factors = lag_factors(program, taus[low:high], group.hold, form, part)
+        cost = Operations.of(1 + (factors.gain is not None), 1 + (form == "loss")) + factors.cost
         rest = program.member(f"rest{part}", f"what rounding took from {array.name}", n) if compensated else None
         if rest is not None and target.longest_step is not None:
             stage.begin.loop(n, lambda j: [Assign(rest[j], Number(0.0))])
@@ -217,18 +193,17 @@ class LagBank:
         def turn(j: Formula) -> list[Statement]:
             lag, note = array[behind(j, low)], "eq. (25)"
             kept = factors.factor(j) * lag
-            driven = factors.gain(j) * change if factors.gain and change else change
+            driven = factors.gain(j) * change if factors.gain else change
             if rest is not None:
                 increment, following = Variable("increment"), Variable("next")
-                taken = rest[j] + kept if driven is None else rest[j] + kept + driven
                 recursion: list[Statement] = [
-                    Local("increment", taken, note=note),
+                    Local("increment", rest[j] + kept + driven, note=note),
                     Local("next", lag - increment),
                     Assign(rest[j], Bracketed(following - lag) + increment),
                     Assign(lag, following),
                 ]
-            elif driven is None or form == "loss":
-                recursion = [Assign(lag, kept if driven is None else kept + driven, "-", note)]
+            elif form == "loss":
+                recursion = [Assign(lag, kept + driven, "-", note)]
             else:
                 recursion = [Assign(lag, kept - driven, note=note)]
             return [*factors.before(j), *recursion]
@@ -238,10 +213,9 @@ class LagBank:
 
 def n_plain(group: Group, taus: np.ndarray, target: Target) -> int:
     """How many of the lags, from the fastest, need no compensation."""
-    if not group.source.change:
-        return 0
     if not target.single:
         return len(taus)
     if target.period is None:
         return 0
-    return int(np.searchsorted(taus, COMPENSATED_FROM * target.period))
+    # tau/dt from which single precision is compensated: below it, rounding adds up to less than 16 * 2^-24 = 1e-6
+    return int(np.searchsorted(taus, 16.0 * target.period))

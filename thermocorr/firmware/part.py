@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 from ..effects import Effect
 from ..effects.expressions import Decays, Node, Previous, Traced, traced
-from ..effects.signals import parted
 from .statements import Bracketed, Choice, Converted, Costed, Formula, Kind, Number, Operations, Unary, Whole, binary
 from .target import MICROSECONDS
 
@@ -134,11 +133,10 @@ _CALLS = ("exp", "log1p", "sin", "cos")
 class Part:
     """One effect of a program: its expression, node by node."""
 
-    def __init__(self, composer: Any, effect: Effect, state: Any):
+    def __init__(self, composer: Any, effect: Effect):
         self.composer, self.program, self.target = composer, composer.program, composer.target
         self.expression: Traced = traced(effect)
         self.name = effect.kind
-        self.states = parted(state) or [None] * len(self.expression.words)
         needed = {node.number for column in self.expression.columns for node in self.expression.below(column)}
         self.nodes = [node for node in self.expression.nodes if node.number in needed]
         self.uses = self._uses()
@@ -177,20 +175,17 @@ class Part:
 
     def _follow(self, node: Node, stage: int) -> None:
         """Let a word follow a value of this stage; what it then says belongs to the next."""
-        number, word = node.detail
-        words, state = self.composer.words, self.states[number - 1] if self.states and number else None
+        _, word = node.detail
         p = None if isinstance(word, Decays) else self.value(node.arguments[0] if node.arguments else word.value)
-        self.values[-1 - node.number] = words.follow(word, p, state, self.name, stage)
+        self.values[-1 - node.number] = self.composer.words.follow(word, p, self.name, stage)
 
     def _value(self, node: Node, stage: int) -> Any:
         op, composer = node.operator, self.composer
         if op in ("T", "column", "seconds", "elapsed", "step", "angle"):
             return self._input(node)
         if op == "word":
-            number, word = node.detail
-            if isinstance(word, Previous):
-                state = self.states[number - 1]
-                return composer.words.previous(self.value(node.arguments[0]), state, self.name, stage)
+            if isinstance(node.detail[1], Previous):
+                return composer.words.previous(self.value(node.arguments[0]), self.name, stage)
             said = self.values[-1 - node.number]
             return said(stage)
         if op == "item":
@@ -275,13 +270,13 @@ class Part:
         program, target, clock = self.program, self.target, self.composer.clock
         if target.period is not None:
             stride = round(target.period / period * _TURN) % _TURN
-            start = round((began + target.origin) / period * _TURN) % _TURN
+            start = round(began / period * _TURN) % _TURN
             count = Converted("uint64", Converted("int64", clock.count()))
             share = Bracketed(count * Whole(stride, "uint64") + Whole(start, "uint64"))
             phase = Converted("uint32", Bracketed(binary(share, ">>", Whole(32))))
             return phase, program.shared("turn", 2.0 * math.pi / 2**32, "rad, turn/2^32")
         whole = round(period * MICROSECONDS)
-        start = round((began + target.origin) * MICROSECONDS) % whole
+        start = round(began * MICROSECONDS) % whole
         length, ahead = Whole(whole, "int64"), Whole(whole + start, "int64")  # never negative, before the fit too
         phase = (clock.count() % length + ahead) % length
         return phase, program.shared("radians", 2.0 * math.pi / whole, "rad/us")

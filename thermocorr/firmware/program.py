@@ -107,8 +107,6 @@ class Program:
     """Names that the language has taken."""
     constants: list[Constant] = field(default_factory=list)
     members: list[Member] = field(default_factory=list)
-    init: Statements = field(default_factory=Statements)
-    """Statements of the function that starts a device."""
     stages: list[Stage] = field(default_factory=list)
     output: Statements = field(default_factory=Statements)
     """What adds to `bias`."""
@@ -293,12 +291,8 @@ class TimeCounter:
         """Read the counter: samples, or microseconds, since the origin."""
         if self.counter is None:
             what = "number of the next sample" if self.target.fixed else "microseconds"
-            after_end = self.target.continues and self.target.fixed
-            since = "since the last fitted row" if after_end else "since the first fitted row"
             name = "sample" if self.target.fixed else "microseconds"
-            self.counter = self.program.member(name, f"{what} {since}", kind=self.kind)
-            if self.target.first_count:
-                self.program.init.add(Assign(self.counter, Whole(self.target.first_count, "int64")))
+            self.counter = self.program.member(name, f"{what} since the first fitted row", kind=self.kind)
         return self.counter
 
     def seconds(self) -> Variable:
@@ -313,14 +307,12 @@ class TimeCounter:
         else:
             cost = Operations(divisions=1)
             seconds = now / Number(MICROSECONDS)
-        if origin := target.origin:
-            seconds += self.program.shared("origin", origin, "s, first sample since the first fitted row")
         return Costed(seconds, cost)
 
     def reached(self, moment: float) -> Formula:
         """Condition: the time since the first fitted row is at least `moment` [s]."""
         tick = self.target.period or 1 / MICROSECONDS
-        count = math.ceil((moment - self.target.origin) / tick - _ALMOST[self.target.fixed])
+        count = math.ceil(moment / tick - _ALMOST[self.target.fixed])
         limit = 2**31 - 1 if self.bits == 32 else 2**62
         return binary(self.count(), ">=", Whole(min(max(count, -limit), limit), self.kind))
 
@@ -328,7 +320,7 @@ class TimeCounter:
 def settling(program: Program, washout: float) -> None:
     """Count down the stretch after a start that is flagged [s]."""
     target = program.target
-    if washout <= 0 or not target.begins:
+    if washout <= 0:
         return
     program.flags_washout = True
     stage = program.stage(0)

@@ -42,7 +42,7 @@ class ReferenceRows:
 
 def reference_bias(
     target: Target,
-    parts: Sequence[tuple[Any, np.ndarray, Any]],
+    parts: Sequence[tuple[Any, np.ndarray]],
     temperature: np.ndarray,
     columns: Mapping[Any, np.ndarray],
     seconds: np.ndarray,
@@ -50,17 +50,12 @@ def reference_bias(
 ) -> tuple[np.ndarray, float]:
     """Bias of each sample, shape (n,), and what its parts reach without their signs, both in the unit of the reading.
 
-    `target` (Target): Says whether the samples follow the fitted record. `parts` (sequence of (effect, coefficients,
-    state)): Effects that `correct` removes, the coefficients of their columns, and their states before the first
-    sample. `temperature` (array of shape (n,)). `columns` (dict of column name -> array of shape (n,)). `seconds`
-    (array of shape (n,)): Time since the first fitted row [s]. `steps` (array of shape (n,)): Time since the sample
-    before [s]; the first since the last fitted row, where the samples follow.
+    `target` (Target). `parts` (sequence of (effect, coefficients)): Effects that `correct` removes, and the
+    coefficients of their columns. `temperature` (array of shape (n,)). `columns` (dict of column name -> array of shape
+    (n,)). `seconds` (array of shape (n,)): Time since the first fitted row [s]. `steps` (array of shape (n,)): Time
+    since the sample before [s].
     """
     elapsed = seconds - seconds[0]
-    key = None
-    if target.continues:
-        elapsed = elapsed + target.segment_elapsed + steps[0]
-        key = len(target.fitted_history.record.segments) - 1
     began = target.absolute_zero() if target.history is not None else np.nan
     record = SimpleNamespace(times=SimpleNamespace(between=lambda later, earlier: began))
     values = {target.temperature_name: temperature, **columns}
@@ -70,12 +65,12 @@ def reference_bias(
         steps=steps,
         seconds=seconds,
         elapsed=elapsed,
-        segment_key=key,
+        segment_key=None,
         record=record,
     )
     bias, size = np.zeros(len(temperature)), np.zeros(len(temperature))
-    for effect, weights, state in parts:
-        part, _ = effect.columns(block, state)
+    for effect, weights in parts:
+        part, _ = effect.columns(block, None)
         part = np.asarray(part).reshape(len(temperature), -1)
         bias += part @ np.asarray(weights)
         size += np.abs(part) @ np.abs(weights)
@@ -202,7 +197,7 @@ def expected_flags(firmware: Firmware, given: Inputs, judged: Courses, apart: np
         doubt = Doubt(len(guard.motions), guard.deviation, guard.memory)
         flags[judged.held] |= bits["JUMP"]
         flags[doubt.rows(judged.doubted, judged.believed, apart, times) > guard.deviation] |= bits["DOUBTFUL"]
-    if "WASHOUT" in bits and not firmware.target.continues:
+    if "WASHOUT" in bits:
         elapsed = np.cumsum(given.steps) - given.steps[0]
         flags[elapsed < firmware.guard.memory] |= bits["WASHOUT"]
     return flags

@@ -81,18 +81,11 @@ class Target:
     """Unit of a difference of temperatures."""
     history: History | None = None
     """Fitted record, where the model still has it."""
-    continues: bool = False
-    """True: the first sample follows the last fitted row, with the states that the fit ended with."""
 
     @property
     def longest_step(self) -> float | None:
         """Steps longer than this start a new segment [s], as `max_gap` does in Python; None: no step does."""
         return None if self.fixed or self.history is None else self.history.max_gap
-
-    @property
-    def begins(self) -> bool:
-        """Whether the program can start from an unknown state: at first, or after a long step."""
-        return not self.continues or self.longest_step is not None
 
     @property
     def single(self) -> bool:
@@ -114,36 +107,6 @@ class Target:
             return 4 if self.single else 8
         return 8 if kind in ("int64", "uint64") else 4
 
-    # Time: seconds since the first fitted row are `origin` and what the clock shows.
-
-    @property
-    def last_row(self) -> int:
-        """Kept row that the first sample follows."""
-        return self.fitted_history.record.segments[-1].stop - 1
-
-    @property
-    def first_count(self) -> int:
-        """What the clock shows at the end of the fit [us]; 0 where it counts samples, or where `init` is told."""
-        return round(self._fitted_span * MICROSECONDS) if self.continues and not self.fixed else 0
-
-    @property
-    def origin(self) -> float:
-        """Time since the first fitted row [s] at which the clock shows 0."""
-        if not self.continues:
-            return 0.0
-        return self._fitted_span + (self.period or 0.0) - self.first_count / MICROSECONDS
-
-    @property
-    def _fitted_span(self) -> float:
-        return self.fitted_history.between(self.fitted_history.record.stamp(self.last_row), self.fitted_history.zero)
-
-    @property
-    def segment_elapsed(self) -> float:
-        """Time from the start of the last fitted segment to its last row [s]."""
-        history = self.fitted_history
-        first = history.record.stamp(history.record.segments[-1].start)
-        return history.between(history.record.stamp(self.last_row), first)
-
     def absolute_zero(self) -> float:
         """Absolute time of the first fitted row [s], from which phases of periods count."""
         return self.fitted_history.between(self.fitted_history.zero, 0)
@@ -154,6 +117,6 @@ class Target:
         if self.history is None:
             raise ValueError(
                 "This model does not know the record that it was fitted to, which this export needs (effects with a "
-                "period, continue_from_fit=True). Export from the fitted model itself."
+                "period). Export from the fitted model itself."
             )
         return self.history
