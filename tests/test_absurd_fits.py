@@ -164,6 +164,7 @@ def test_time_constants_that_are_nearly_alike_are_told_at_fit():
 SETTINGS = [{}, {"time_constants": 6}, {"degree": 5}, {"products": True}, {"reference_temperature": -273.15}]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
 def test_healthy_fits_are_far_from_cancelling(settings, voltage):
     """No warning for the reference and simulated devices; T0 far away is the user's choice and no cancellation."""

@@ -39,6 +39,7 @@ NOISES = {
 ROOMS = {"white": lambda rng: rng.standard_normal(N), "weather": lambda rng: 3 * wandering(rng, 60) + wandering(rng, 8)}
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_a_thermometer_that_has_nothing_to_do_with_the_reading_is_not_corrected_by():
     """More of them, with other seeds: `benchmarks/placebo.py`."""

@@ -101,6 +101,7 @@ def labels_of(html):
     return [] if table is None else re.findall(r"<tr><td><strong>(.*?)</strong>", table[0], re.S)
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_terminal_json_page_and_workbench_name_the_same_causes_in_the_same_order(measured):
     for name, (X, y, column, n) in every(str(measured)).items():

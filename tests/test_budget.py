@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermocorr.estimators.uncertainty.signed import Budget, BudgetLine, concise, coverage_factor
+from thermocorr.estimators.uncertainty.signed import Budget, BudgetLine, concise
 
 GAUGE = {  # GUM (JCGM 100:2008), example H.1: calibration of an end gauge; nm, contributions of table H.1
     "standard": (25.0, 1.0, 18.0),
@@ -72,12 +72,3 @@ def test_shares_add_up_and_tables_are_escaped():
     )  # fmt: skip
     assert strange.result().endswith("provisional")
     assert "infinite" in str(strange)
-
-
-@pytest.mark.parametrize(("low", "high"), [(1.0, 1e9), (1.0, 3.0), (30.0, 1e5), (7.0, 7.0)])
-@pytest.mark.parametrize("coverage", [0.68, 0.95, 0.999])
-def test_coverage_factors_of_many_rows_are_those_of_each(low, high, coverage):
-    dof = np.exp(np.random.default_rng(3).uniform(np.log(low), np.log(high), 1000))
-    dof[[5, 77]] = np.nan, np.inf if high > 7 else 7.0
-    each = [coverage_factor(one, coverage) for one in dof.tolist()]
-    np.testing.assert_allclose(coverage_factor(dof, coverage), each, rtol=2e-9)

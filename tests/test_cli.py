@@ -300,6 +300,7 @@ def test_the_command_keeps_openblas_to_one_thread_unless_told_otherwise(monkeypa
     assert start() == threads
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("collecting", [True, False])
 def test_the_collector_of_garbage_is_left_as_it_was_and_passes_over_what_was_loaded(collecting):
     told = (

@@ -59,6 +59,7 @@ def run(text):
     return main(text.split())
 
 
+@pytest.mark.long
 def test_kills_and_full_disks():
     """Every fault that the benchmark counts is 0: signals at six calls each, full disks at each call of `--out`."""
     names = ["file -> --out, disk full", "file -> --out --state, SIG", "fed from the start again, SIG"]
@@ -168,6 +169,7 @@ def test_threads_save_and_load_one_model(fitted, tmp_path):
     assert wrong == [] and [entry.name for entry in tmp_path.iterdir()] == ["model.json"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
 @pytest.mark.parametrize("follow", ["", " --follow --idle 0", " --state s.json"])
 def test_standard_output_on_a_full_disk(follow, folder):
@@ -179,6 +181,7 @@ def test_standard_output_on_a_full_disk(follow, folder):
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.long
 def test_analyze_whose_reader_goes_away(folder):
     """`analyze | head -1`: what is to be written is written."""
     command = [*COMMAND, "analyze", "log.csv", *ANALYZE, "--out", "out", "--report"]

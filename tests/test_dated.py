@@ -66,6 +66,7 @@ def test_another_law_at_every_row_is_as_good_as_its_columns(segment):
     assert abs(int(gains.argmax()) - 430) <= 15
 
 
+@pytest.mark.long
 def test_the_interval_of_a_faint_step_is_wide_and_mostly_holds_it():
     """Twelve steps of 1.2 noises, known to some rows: 95 % would miss 0.6 of them, four or more once in 400."""
     rng, widths, hits = np.random.default_rng(5), [], []

@@ -41,6 +41,7 @@ def assert_live_is_whole(model, X, y, sizes=(1, 7, 300)):
         assert np.nanmax(np.abs(found["u"] - whole["u"])) < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("column", ["case", "room"])
 def test_what_a_hole_leaves_behind_is_said(column):
     inside, behind = [], []
@@ -140,6 +141,7 @@ def test_live_is_whole_where_all_are_lost_at_once(device):
     assert_live_is_whole(model, lost, y[LEARNED:][:400])
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_live_is_whole_over_gaps_and_runs():
     X, y, _, _ = two_surfaces(16, n=4000)

@@ -43,6 +43,7 @@ def told(X, y):
     return model, diagnose(model, X, y)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FILTERS)
 def test_the_noise_of_a_filter_is_no_missing_effect(name):
     calm = 0
@@ -85,6 +86,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OTHERS)
 def test_what_wanders_otherwise_stays_unexplained(name):
     for seed in range(6):
@@ -99,6 +101,7 @@ def test_a_step_beside_a_filter_is_not_calmed():
         assert found.verdict != "nothing missing"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("period", [2.31, 3.17, 7.3, 41.0])
 def test_a_wave_is_named_once_and_by_its_period(period):
     """Beside a wave whose period was a tenth of a cycle off over the record, the rest of it was a second one."""

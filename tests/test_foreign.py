@@ -154,16 +154,6 @@ def test_local_times_become_utc_over_the_change_of_summer_time(zone, first, writ
     assert table.frame["time"].iloc[0] == pd.Timestamp(first, tz="UTC")
 
 
-def test_the_hour_that_summer_time_leaves_out_is_said(written):
-    times = pd.date_range("2024-03-31 00:00", periods=N, freq="10min").to_series()
-    local = times.where(times < "2024-03-31 02:00", times + pd.Timedelta("1h"))
-    rows = "".join(f"{t:%Y-%m-%d %H:%M},{T[k]},{U[k]}\n" for k, t in enumerate(local))
-    table = understood(written("time,temperature,reading\n" + rows))[0]
-    assert "as when summer time begins: --timezone" in table.said[-1]
-    rows = "".join(f"{t:%Y-%m-%d %H:%M},{T[k]},{U[k]}\n" for k, t in enumerate(times))
-    assert understood(written("time,temperature,reading\n" + rows))[0].said == ()
-
-
 def test_hours_that_clocks_leave_out_or_repeat_are_explained(written):
     for times, words in (
         (["01:50", "02:10", "03:10"], "No clock in Europe/Berlin showed 2024-03-31 02:10"),

@@ -297,6 +297,7 @@ def test_a_header_that_begins_with_a_mark_of_comments_stays_the_header_of_a_pipe
     np.testing.assert_allclose(frame["corrected"], model.correct(log, log["reading"]), rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("units", ["", ",°C,V\n"])
 @pytest.mark.parametrize("comment", ["# logger 7, room 5, serial 33", "# 7, 5, 33", "#temperature,reading,time"])
 def test_a_comment_with_as_many_commas_as_the_header_is_passed_over(comment, units, tmp_path, capsys, monkeypatch):

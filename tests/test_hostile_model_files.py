@@ -151,6 +151,7 @@ def mutate(node, path, rng):
     return node
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(victim, tmp_path, monkeypatch):
     """Whoever recomputes the digest can write another model, but not one that breaks, hangs or runs anything."""

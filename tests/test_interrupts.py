@@ -349,6 +349,7 @@ def test_a_signal_waits_until_the_modules_are_loaded(number, status, monkeypatch
     assert loaded == [".correct"] and capsys.readouterr().err == "thermocorr: stopped\n"
 
 
+@pytest.mark.long
 @unix
 def test_sigterm_at_every_moment_of_a_start_is_quiet(lab, tmp_path):
     """Moments between the first import and the first row: nothing but the promised words."""

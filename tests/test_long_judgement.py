@@ -80,6 +80,7 @@ def test_thinned_rows_are_averages(gaps):
     np.testing.assert_allclose(seconds, means["seconds"], rtol=0, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", ["covariate", "hysteresis", "step", "lagged_covariate"])
 def test_averages_are_judged_as_their_rows(effect, monkeypatch):
     """The same cause and residual; a step lies where it lay, though rows are six times as long.

@@ -11,6 +11,7 @@ from thermocorr.datasets import make_record
 pytestmark = pytest.mark.newest
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", [(0, 2500), (3000, 8000), (15_000, 20_000)])
 def test_a_week_of_readings_beside_months_of_temperature(part):
     """Time constants, figures on later data and a hidden column are found where the readings are."""

@@ -47,6 +47,7 @@ def test_results_are_those_of_the_data(data, record, model):
     pd.testing.assert_frame_equal(thermometer_errors(other, record), thermometer_errors(model, X))
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_judgements_are_those_of_the_data(data, record, model):
     X, y = data

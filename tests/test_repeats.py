@@ -48,6 +48,7 @@ def test_readings_that_stand_in_several_rows_are_no_effect(seed, rows):
     assert model.flags(X, repeated).eq("").all()  # later rows are corrected: what is measured is still shown
 
 
+@pytest.mark.long
 @pytest.mark.newest
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("rows", "digits"), [(2, 12), (2, 2), (3, 3), (5, 12), (5, 3)])

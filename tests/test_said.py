@@ -281,6 +281,7 @@ def test_only_fitted_models_are_judged():
         diagnose(DynamicBiasRegressor(), X, y)
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_the_refined_model_is_the_first_thing_that_terminal_page_and_json_say(capsys, tmp_path):
     command = ["analyze", "--refine", "--quiet"]

@@ -48,6 +48,7 @@ def of_everything():
     return fitted([LaggedCovariate("humidity", ["20 min"]), Rate(), Drift(True), Periodic("3 h")])[0]
 
 
+@pytest.mark.long
 @pytest.mark.newest
 @needs_gcc
 @pytest.mark.parametrize(

@@ -60,6 +60,7 @@ def test_the_words_of_a_column_are_states():
     assert states_of(pd.DataFrame({"x": ["a"] * 100})) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     ("hidden", "column"),

@@ -182,6 +182,7 @@ def test_a_thermometer_lost_for_an_hour_is_flagged_and_the_error_stays_below_twi
     assert np.mean(np.square(errors)) + noise**2 < np.mean(np.square(said)) * 1.2  # what it may be wrong by is said
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_a_lost_thermometer_live_in_blocks_of_any_size_and_after_a_restart(device):
     X, y, _, _, model = device

@@ -92,6 +92,7 @@ def test_the_covariance_is_that_of_generalised_least_squares():
 # ------------------------------------------------------------------------------------------------------------ intervals
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rows", [0, 5, 60], ids=["white", "5 rows", "60 rows"])
 @pytest.mark.parametrize("times", [TIMES, "auto"], ids=["given", "searched"])
 def test_intervals_of_the_bias_hold_the_truth(rows, times):

@@ -52,6 +52,7 @@ def taken_script(bench, folder):
     return taken(bench, "script", folder).read_text()
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
 def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, tmp_path):
     bench.perform({"do": "add", "suspect": 0})

@@ -23,8 +23,6 @@ from ..records.errors import listing, quoted
 
 Part = Any
 """What a device's record is given as: a `ParquetLog` or a DataFrame."""
-BATCHES = 64
-"""Batches into which an executor's tasks are cut: it hands them over one by one otherwise."""
 
 
 class Fleet(dict[Any, DynamicBiasRegressor]):
@@ -173,7 +171,8 @@ def _each(
         futures = [workers.submit(function, *job, pure=False) for job in jobs]
         answers = iter(workers.gather(futures)) if tell is None else (future.result() for future in futures)
     elif isinstance(workers, Executor):
-        answers = workers.map(function, *zip(*jobs, strict=True), chunksize=max(1, len(jobs) // BATCHES))
+        # Batches into which an executor's tasks are cut: it hands them over one by one otherwise
+        answers = workers.map(function, *zip(*jobs, strict=True), chunksize=max(1, len(jobs) // 64))
     else:
         answers = Parallel(n_jobs=workers, return_as="generator")(delayed(function)(*job) for job in jobs)
     found = []

@@ -31,8 +31,6 @@ from .stopping import StopSignal
 
 POLL = 0.1
 """Time between looks at a log that does not grow [s]."""
-PATIENCE = 1.0
-"""How long the rest of a line is waited for once the command is told to stop [s]."""
 CHUNK = 1 << 16
 """Bytes, or rows, that are read together."""
 
@@ -155,7 +153,8 @@ class PipeLines(Lines):
             _refuse_endless(self.rest, "The stream")
             for line in whole:
                 yield from self._behind_comments(line)
-        until = time.monotonic() + PATIENCE
+        # How long the rest of a line is waited for once the command is told to stop [s]
+        until = time.monotonic() + 1.0
         while self.rest and time.monotonic() < until:  # the line that is being written
             if _ready(descriptor, POLL):
                 piece = os.read(descriptor, 1)

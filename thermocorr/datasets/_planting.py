@@ -22,8 +22,6 @@ _MOMENTS = ("time", "start", "end")
 _INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
 _CHOICES = {"side": ("above", "below")}
 _COUNTS = ("degree", "harmonics", "power")
-_ALL_BUT_EXPLAINED = 1e-9
-"""Share of an effect's rms below which a static quadratic is said to explain it altogether."""
 
 
 class Planting(NamedTuple):
@@ -161,7 +159,8 @@ def plant(
         parameters, shapes = _shapes(planting, runs, scene, seed, shared)
         kept = np.concatenate([shape[run.kept] for shape, run in zip(shapes, runs, strict=True)])
         left = left_by_static_law(scene.columns["temperature"], kept)
-        if left <= _ALL_BUT_EXPLAINED * np.sqrt(np.mean(kept**2)):
+        # Share of an effect's rms below which a static quadratic is said to explain it altogether
+        if left <= 1e-9 * np.sqrt(np.mean(kept**2)):
             raise ValueError(
                 f"The 'effects' parameter of {_WHO} plants {planting.kind!r} with {parameters}: on this record a "
                 "static quadratic in temperature explains it altogether. Choose other parameters or a longer record."

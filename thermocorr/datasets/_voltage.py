@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, overload
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -32,17 +32,7 @@ _MOISTURE = 1e-4  # [mV], rms of what a static quadratic in temperature leaves o
 _UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "V", "voltage": "mV"}
 
 
-@overload
-def load_voltage_reference(
-    *, hidden: Literal["moisture"] | None = ..., return_truth: Literal[False] = ...
-) -> pd.DataFrame: ...
-@overload
-def load_voltage_reference(
-    *, hidden: Literal["moisture"] | None = ..., return_truth: Literal[True]
-) -> tuple[pd.DataFrame, pd.DataFrame]: ...
-def load_voltage_reference(
-    *, hidden: Literal["moisture"] | None = None, return_truth: bool = False
-) -> pd.DataFrame | tuple[pd.DataFrame, pd.DataFrame]:
+def load_voltage_reference(*, hidden: Literal["moisture"] | None = None, return_truth: bool = False) -> Any:
     """Load the simulated record of a MEMS voltage reference: 84 000 samples, one every 15 s.
 
     The record is simulated, the same on every call. Heat conduction through a package, its board, a filling

@@ -14,9 +14,6 @@ from .protocol import Effect, EffectInfo, suspects, time_text
 from .signals import Signals
 from .thermal import HOLD, column_text, column_unit, seconds_array
 
-_CURVED = 0.1
-"""Spread over mean of a column above which its square is no copy of itself."""
-
 
 class Covariate(Effect):
     """A recorded column that acts at once: humidity, pressure, supply voltage, a second temperature, ...
@@ -48,10 +45,6 @@ class Covariate(Effect):
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """Every suspect column; its square too where that is no copy of the column."""
         return [cls(name, power) for name in suspects(record, columns) for power in _powers(record, name)]
-
-    def inputs(self) -> list[Any]:
-        """The column."""
-        return [self.column]
 
     def learn(self, record: Record) -> None:
         """Fix the column's mean, so that U0 stays the reading under usual conditions."""
@@ -98,7 +91,6 @@ class LaggedCovariate(Covariate):
     """
 
     kind = "lagged_covariate"
-    lags_apart = True
     learned = {"mean_": "number", "time_constants_": "times"}
     info = EffectInfo(
         physics="Another recorded quantity acts on the reading late: moisture that is taken up, heat that a current "
@@ -152,8 +144,6 @@ class LaggedCovariate(Covariate):
 class ColumnLags(LaggedCovariate):
     """The lag differences of a recorded column without the column itself."""
 
-    lags_apart = True
-
     def names(self) -> list[str]:
         """``humidity lag[3600 s]``, ..."""
         return super().names()[1:]
@@ -191,10 +181,6 @@ class Interaction(Effect):
         """Every suspect column."""
         return [cls(name) for name in suspects(record, columns)]
 
-    def inputs(self) -> list[Any]:
-        """The column."""
-        return [self.column]
-
     def learn(self, record: Record) -> None:
         """Fix both means, so that the static coefficients keep their meaning."""
         self.mean_ = record.moments(self.column).mean
@@ -227,7 +213,8 @@ def _powers(record: Record, column: Any) -> tuple[int, ...]:
 def swings(record: Record, column: Any) -> bool:
     """Whether bent copies of a column are no copies: it swings by over a tenth of its mean, and is not on or off."""
     known = record.moments(column)
-    return known.std > _CURVED * abs(known.mean) and has_middle(record, column)
+    # Spread over mean of a column above which its square is no copy of itself
+    return known.std > 0.1 * abs(known.mean) and has_middle(record, column)
 
 
 def has_middle(record: Record, column: Any) -> bool:

@@ -45,10 +45,6 @@ class QuadraticCovariate(Effect):
         """Every suspect column but switches, whose squares are copies of them."""
         return [cls(name) for name in suspects(record, columns) if has_middle(record, name)]
 
-    def inputs(self) -> list[Any]:
-        """The column."""
-        return [self.column]
-
     def learn(self, record: Record) -> None:
         """Fix the column's mean and variance, so that U0 stays the reading under usual conditions."""
         moments = record.moments(self.column)

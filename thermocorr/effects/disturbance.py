@@ -13,8 +13,6 @@ from .protocol import SINCE_START, Effect, EffectInfo
 from .signals import Signals
 
 _STARTS = (0.2, 0.4, 0.6, 0.8)
-_LENGTH = 0.02
-"""Length of the stretches among the candidates, as a share of the rows."""
 
 
 class Disturbance(Effect):
@@ -61,7 +59,8 @@ class Disturbance(Effect):
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """Four stretches of a fiftieth of the rows; a diagnosis looks at every row and many lengths besides."""
         starts = time_quantiles(record, _STARTS)
-        ends = time_quantiles(record, [share + _LENGTH for share in _STARTS])
+        # Length of the stretches among the candidates, as a share of the rows
+        ends = time_quantiles(record, [share + 0.02 for share in _STARTS])
         return [cls(float(a), float(b)) for a, b in zip(starts, ends, strict=True) if 0 < a < b]
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:

@@ -45,7 +45,7 @@ class Hinge(Effect):
     """
 
     kind = "hinge"
-    lags_apart = True
+    unit = "K"
     learned = {"time_constants_": "times", "reference_temperature_": "temperature"}
     info = EffectInfo(
         physics="Freezing, condensation, a clamp that opens or a sensor that saturates changes the law at one "
@@ -104,8 +104,7 @@ class Hinge(Effect):
 
     def _at_rest(self) -> float:
         """The hinge at T0 [K]."""
-        T0 = getattr(self, "reference_temperature_", self.knee)  # models of before it was learned: 0 at the knee
-        return float((max if self.side == "above" else min)(T0 - self.knee, 0.0))
+        return float((max if self.side == "above" else min)(self.reference_temperature_ - self.knee, 0.0))
 
     def names(self) -> list[str]:
         """``max(T-0)``, ``max(T-0) lag[3600 s]``, ..."""
@@ -117,10 +116,6 @@ class Hinge(Effect):
         first, *lags = self.names()
         at_rest = self._at_rest()
         return [f"({first} {'-' if at_rest > 0 else '+'} {abs(at_rest):.10g})" if at_rest else first, *lags]
-
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"] * (1 + len(self.time_constants_))
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """The hinge less its value at T0, and its lag differences [K]."""

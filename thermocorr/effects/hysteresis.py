@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any
@@ -17,8 +16,6 @@ from .signals import Signals
 
 _SHARES = np.geomspace(0.03, 0.9, 10)
 """Widths to try, as shares of the range that holds 96 % of the temperatures."""
-_FORMER = re.compile(r"^(hysteresis\[[^ \]]+) K\]$")
-"""How the column was called once."""
 
 
 class Hysteresis(Effect):
@@ -40,6 +37,7 @@ class Hysteresis(Effect):
     """
 
     kind = "hysteresis"
+    unit = "K"
     learned = {}
     info = EffectInfo(
         physics="Friction, solder creep or packaging stress makes the reading depend on whether the temperature was "
@@ -71,10 +69,6 @@ class Hysteresis(Effect):
         """``hysteresis[0.5]``."""
         return [f"hysteresis[{self.width:.6g}]"]
 
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"]
-
     def signals(self, x: Signals) -> Sequence[Any]:
         """Play less temperature [K], within +- w/2."""
         return [x.play(x.T, self.width) - x.T]
@@ -82,14 +76,3 @@ class Hysteresis(Effect):
     def label(self) -> str:
         """``hysteresis: width 0.5``."""
         return f"hysteresis: width {self.width:.6g}"
-
-
-def present_name(name: str) -> str:
-    """The name that a column has now, where a file may have a former one, with a unit that was not always right.
-
-    Examples
-    --------
-    >>> present_name("hysteresis[0.5 K]"), present_name("lag[900 s]")
-    ('hysteresis[0.5]', 'lag[900 s]')
-    """
-    return _FORMER.sub(r"\1]", name)

@@ -100,6 +100,7 @@ class Lead(Effect):
     """
 
     kind = "lead"
+    unit = "K"
     thermal_rank = 5
     foresees = True
     instead = (
@@ -141,10 +142,6 @@ class Lead(Effect):
         """``lead[40 s]``, ``lead[40 s] lag[900 s]``, ..."""
         name = f"lead[{time_text(self.lead_)}]"
         return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
-
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"] * self.n_columns()
 
     def memory(self) -> float:
         """The longest time constant [s]."""
@@ -198,10 +195,6 @@ class Lead(Effect):
         return f"lead: {span_text(seconds_of(self.lead, 'lead'))}"
 
 
-REACH = 36.0
-"""Spans after which a later temperature no longer counts: rounding (exp(-36) = 2e-16)."""
-
-
 class ThermometerNoise(Effect):
     """Temperature averaged over a while before and after, less that of now [K]: what noise and steps hide.
 
@@ -229,6 +222,7 @@ class ThermometerNoise(Effect):
     """
 
     kind = "thermometer_noise"
+    unit = "K"
     thermal_rank = 4
     foresees = True
     instead = "Fit without it, and give each row the mean of several readings of the thermometer, or take a finer one."
@@ -261,10 +255,6 @@ class ThermometerNoise(Effect):
         """``smooth[300 s]``."""
         return [f"smooth[{time_text(self.span_)}]"]
 
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"]
-
     def memory(self) -> float:
         """Span [s]."""
         return self.span_
@@ -272,7 +262,8 @@ class ThermometerNoise(Effect):
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
         """Temperature averaged over rows before and after, less that of now [K], shape (n,)."""
         span, after, last, ahead = np.array([self.span_]), np.zeros(0), np.inf, None
-        all_rows = rows_until(block, REACH * self.span_)
+        # Spans after which a later temperature no longer counts: rounding (exp(-36) = 2e-16)
+        all_rows = rows_until(block, 36.0 * self.span_)
         step = block.record.times.step_of(all_rows)
         for rows in parts_of(all_rows, len(block))[::-1]:
             T = temperatures(block, rows)[::-1]  # from the last row to the first

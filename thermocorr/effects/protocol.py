@@ -21,8 +21,6 @@ TEMPERATURE = "unit of the temperature"
 """Unit of a parameter that is a temperature, and no difference of temperatures."""
 TEMPERATURE_DIFFERENCE = "K, or degF where the temperature is in degF"
 """Unit of a parameter that is a difference of temperatures."""
-LONGEST_LAG = 0.25
-"""Share of the longest stretch of a record beyond which no time constant is moved: `candidates` go to a fifth."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,6 @@ class Effect(ParametersOnce):
             kind = "fan_noise"
             def __init__(self, column="fan_rpm"):
                 self.column = column
-            def inputs(self):
-                return [self.column]
             def names(self):
                 return [f"{self.column}^2"]
             def signals(self, x):
@@ -83,6 +79,8 @@ class Effect(ParametersOnce):
     """Stable identifier of the physical cause."""
     info: ClassVar[EffectInfo | None] = None
     """What the catalogue says about it."""
+    unit: ClassVar[str] = ""
+    """Unit of all columns, where they have one in common; else see `units`."""
     learned: ClassVar[Mapping[str, str] | None] = None
     """What `learn` fixes, in order: attribute -> "number", "temperature", "positive", "text", "column" (a name or
     number), or "times" (those of the parameter `time_constants`). A model file that holds anything else is refused. A
@@ -99,9 +97,6 @@ class Effect(ParametersOnce):
     thermal_rank: ClassVar[int] = 0
     """Place among the kinds that a better thermal part, or thermometer, could do without, the most usual one 1; 0 for
     all others."""
-    lags_apart: ClassVar[bool] = False
-    """True where each of the `time_constants` has columns of its own, whatever the others are. Each class says it for
-    itself: one that is derived from it may have other columns."""
     tried: ClassVar[bool] = True
     """False for what a diagnosis does not try as such: what somebody knows, or what it puts together from others."""
     removed_by_correct: bool = True
@@ -140,7 +135,9 @@ class Effect(ParametersOnce):
             value = getattr(self, name)
             if value is None:
                 continue
-            most = LONGEST_LAG * record.longest_read() if name.startswith("time_constant") else np.inf
+            # Share of the longest stretch of a record beyond which no time constant is moved: `candidates` go to a
+            # fifth
+            most = 0.25 * record.longest_read() if name.startswith("time_constant") else np.inf
             single = isinstance(value, str) or np.ndim(value) == 0
             numbers = [seconds_of(item, name) for item in ([value] if single else value)]
             for i, number in enumerate(numbers):
@@ -152,8 +149,8 @@ class Effect(ParametersOnce):
         return copies
 
     def inputs(self) -> list[Any]:
-        """Recorded columns that the effect reads beside the temperature."""
-        return []
+        """Recorded columns that the effect reads beside the temperature: its parameter `column`, if it has one."""
+        return [self.column] if hasattr(self, "column") else []
 
     def learn(self, record: Record) -> None:
         """Derive what the columns need from the record that is fitted (attributes that end in an underscore)."""
@@ -178,7 +175,7 @@ class Effect(ParametersOnce):
 
     def units(self) -> list[str]:
         """Unit of each column; "" where it has none, "unit" where nobody knows that of a recorded one."""
-        return [""] * self.n_columns()
+        return [self.unit] * self.n_columns()
 
     def explained(self, temperature: str) -> str:
         """What the names of the columns mean, below a model's equation; "" where nothing is left to explain.

@@ -32,6 +32,7 @@ class Rate(Effect):
     """
 
     kind = "rate"
+    unit = "K/s"
     thermal_rank = 3
     learned = {"time_constant_": "positive or None"}
     info = EffectInfo(
@@ -62,10 +63,6 @@ class Rate(Effect):
         """``rate`` or ``rate[120 s]``."""
         return ["rate" if self.time_constant_ is None else f"rate[{time_text(self.time_constant_)}]"]
 
-    def units(self) -> list[str]:
-        """K/s."""
-        return ["K/s"]
-
     def signals(self, x: Signals) -> Sequence[Any]:
         """Rate [K/s]."""
         tau = self.time_constant_
@@ -91,6 +88,7 @@ class Delay(Effect):
     """
 
     kind = "delay"
+    unit = "K"
     thermal_rank = 2
     learned = {"delay_": "positive"}
     info = EffectInfo(
@@ -120,10 +118,6 @@ class Delay(Effect):
     def names(self) -> list[str]:
         """``delay[600 s]``."""
         return [f"delay[{time_text(self.delay_)}]"]
-
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"]
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """Delayed temperature less the present one [K]."""

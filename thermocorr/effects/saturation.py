@@ -14,9 +14,6 @@ from .protocol import Effect, EffectInfo, suspects
 from .signals import BlockSignals, Signals
 from .thermal import column_text
 
-_SHARES = (0.3, 1.5)
-"""Halves to try, as shares of a column's mean: strongly and mildly bent."""
-
 
 class SaturatingCovariate(Effect):
     """A recorded column that acts less the larger it is: c/(c + half), the isotherm of Langmuir (J. Am. Chem. Soc. 40).
@@ -53,11 +50,8 @@ class SaturatingCovariate(Effect):
         """Columns that swing by more than a tenth of a positive mean, bent strongly and mildly."""
         found = [name for name in suspects(record, columns) if swings(record, name)]
         means = {name: record.moments(name).mean for name in found}
-        return [cls(name, float(f"{s * mean:.3g}")) for name, mean in means.items() if mean > 0 for s in _SHARES]
-
-    def inputs(self) -> list[Any]:
-        """The column."""
-        return [self.column]
+        # Halves to try, as shares of a column's mean: strongly and mildly bent
+        return [cls(name, float(f"{s * mean:.3g}")) for name, mean in means.items() if mean > 0 for s in (0.3, 1.5)]
 
     def learn(self, record: Record) -> None:
         """Fix the mean."""
@@ -69,10 +63,6 @@ class SaturatingCovariate(Effect):
     def names(self) -> list[str]:
         """``humidity saturated[50]``."""
         return [f"{column_text(self.column)} saturated[{self.half:.6g}]"]
-
-    def units(self) -> list[str]:
-        """None: a share."""
-        return [""]
 
     def means(self) -> dict[str, float]:
         """Mean of the share."""

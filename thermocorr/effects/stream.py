@@ -110,8 +110,6 @@ def _replay(effects: Sequence[Effect], history: History, key: int, row: int) -> 
     return states
 
 
-_KEPT_STEPS = 64
-"""Different steps whose decays are remembered; a clock that jitters does not fill the memory."""
 _FORGOTTEN = 46.0
 """Time constants after which a start-up decay is zero: exp(-46) is below 1e-20."""
 
@@ -299,7 +297,8 @@ class SteppedLag:
         factors = self.known.get(step)
         if factors is None:
             factors = [decay_and_gain_of_step(step, tau, self.first_order) for tau in self.time_constants]
-            if len(self.known) < _KEPT_STEPS:
+            # Different steps whose decays are remembered; a clock that jitters does not fill the memory
+            if len(self.known) < 64:
                 self.known[step] = factors
         change = value - last
         # d_next = a d - g (T_next - T): eq. (25) for d = lagged - T

@@ -158,7 +158,7 @@ class ThermalLag(Effect):
     """
 
     kind = "thermal_lag"
-    lags_apart = True
+    unit = "K"
     thermal_rank = 1
     learned = {"time_constants_": "times"}
     info = EffectInfo(
@@ -193,10 +193,6 @@ class ThermalLag(Effect):
     def explained(self, temperature: str) -> str:
         """What a lag difference of the temperature is."""
         return lag_text(temperature)
-
-    def units(self) -> list[str]:
-        """K."""
-        return ["K"] * len(self.time_constants_)
 
     def memory(self) -> float:
         """The longest time constant [s], as its formula would tell, which every fit would have to read for it."""

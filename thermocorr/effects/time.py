@@ -34,6 +34,7 @@ class Drift(Effect):
     """
 
     kind = "drift"
+    unit = "d"
     of_time_alone = True
     learned = {"centre_": "number"}
     info = EffectInfo(
@@ -61,10 +62,6 @@ class Drift(Effect):
     def names(self) -> list[str]:
         """``drift``."""
         return ["drift"]
-
-    def units(self) -> list[str]:
-        """Days: d."""
-        return ["d"]
 
     def means(self) -> dict[str, float]:
         """Mean of the time."""
@@ -147,6 +144,7 @@ class SensitivityDrift(Effect):
     """
 
     kind = "sensitivity_drift"
+    unit = "K d"
     is_product = True
     learned = {"centre_": "number", "reference_temperature_": "temperature", "temperature_name_": "column"}
     info = EffectInfo(
@@ -170,10 +168,6 @@ class SensitivityDrift(Effect):
     def names(self) -> list[str]:
         """``drift*temperature``."""
         return [f"drift*{column_text(self.temperature_name_)}"]
-
-    def units(self) -> list[str]:
-        """K d."""
-        return ["K d"]
 
     def means(self) -> dict[str, float]:
         """Means of the time and of the temperature."""

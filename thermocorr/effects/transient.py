@@ -17,11 +17,6 @@ from .protocol import Effect, EffectInfo, time_text
 from .signals import Signals, felt_decays
 from .thermal import seconds_array
 
-MOST_SUSPECTED = 30
-"""With more segments, a start of its own for each of them is too much freedom for one suspect."""
-LIKE = 1.5
-"""Ratio of time constants below which a decay as long as its segment adds little to a shorter one."""
-
 
 class InitialTransient(Effect):
     """Start-up columns exp(-t/tau) of eq. (18), one set per fitted segment.
@@ -61,7 +56,8 @@ class InitialTransient(Effect):
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """One decay: time constants from two steps to half of the longest segment; none for a great many segments."""
-        return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)] if len(record.segments) <= MOST_SUSPECTED else []
+        # With more segments, a start of its own for each of them is too much freedom for one suspect
+        return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)] if len(record.segments) <= 30 else []
 
     def learn(self, record: Record) -> None:
         """List the decays of each segment: ``decays_[key]`` holds their time constants [s]."""
@@ -74,7 +70,8 @@ class InitialTransient(Effect):
         slow = time_constants[time_constants <= self.longest_share * sum(durations)]
         for key, (segment, limit) in enumerate(zip(record.segments, self.longest(durations), strict=True)):
             chosen = time_constants[time_constants <= limit]
-            if len(slow) and slow.max() > limit > LIKE * chosen.max(initial=0.0):
+            # Ratio of time constants below which a decay as long as its segment adds little to a shorter one
+            if len(slow) and slow.max() > limit > 1.5 * chosen.max(initial=0.0):
                 chosen = np.append(chosen, limit)
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known
             if len(chosen) == 0 or segment.n_rows <= 2 * len(chosen):

@@ -23,10 +23,6 @@ Floats = NDArray[np.float64]
 
 COVERAGE = 2 / 3
 """An average counts if at least this share of its cells is known."""
-LONGEST_SHARE = 1 / 4
-"""Longest averaging time by default, as a share of the record: beyond, the deviation is hardly known."""
-MIN_AVERAGES = 30
-"""Averages from which the kind of noise is read at an averaging time; with fewer, it is that of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +153,8 @@ def averaging_factors(
                 "The 'averaging_times' parameter must be 'octave', 'log' or times in seconds. "
                 f"Got {averaging_times!r} instead."
             )
-        most = max(1, int(n * LONGEST_SHARE))
+        # Longest averaging time by default, as a share of the record: beyond, the deviation is hardly known
+        most = max(1, int(n * (1 / 4)))
         if averaging_times == "octave":
             return 2 ** np.arange(int(np.log2(most)) + 1)
         return np.unique(np.round(10 ** np.arange(0, np.log10(most) + 1e-9, 1 / 8)).astype(np.int_))
@@ -215,7 +212,8 @@ def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray
     exponents: list[int] = []
     for m in factors:
         averages = [piece.means(int(m), int(m)) for piece in sums]
-        enough = max((int(np.isfinite(a).sum()) for a in averages), default=0) >= MIN_AVERAGES
+        # Averages from which the kind of noise is read at an averaging time; with fewer, it is that of the one before
+        enough = max((int(np.isfinite(a).sum()) for a in averages), default=0) >= 30
         exponents.append(min(noise_exponent(averages), 0) if enough else (exponents[-1] if exponents else 0))
     return np.array(exponents, np.int_)
 
@@ -264,8 +262,6 @@ MOST_CELLS = 1 << 20
 """Cells that are held; a longer record is held in averages over 2, 4, 8, ... of them."""
 FINE = 16
 """Averages over fewer held cells than this are compared while the record passes, at every offset."""
-FAR = 2.0**62
-"""Number of a cell from which it does not matter which one it is: a gap too long for any record lies before it."""
 AT_ONCE = 1 << 16
 """Cells that are worked on together."""
 
@@ -363,7 +359,8 @@ class AllanStream:
 
     def _cell(self, seconds: Floats) -> np.ndarray:
         """Numbers of the cells that some times lie in, counted from the start of the piece; far ones are cut off."""
-        return np.minimum(np.floor((seconds - self._start) / self.sampling_period + 0.5), FAR).astype(np.int64)
+        # Number of a cell from which it does not matter which one it is: a gap too long for any record lies before it
+        return np.minimum(np.floor((seconds - self._start) / self.sampling_period + 0.5), 2.0**62).astype(np.int64)
 
     def _begin(self, piece: object, start: float) -> None:
         self._close_cell()

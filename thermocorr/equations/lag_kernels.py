@@ -25,8 +25,6 @@ _LANES = 32
 _TURN = 16
 """Rows of one body before it is the next one's turn: the compiler writes them out."""
 _LN2, _PER_LN2 = math.log(2.0), 1.0 / math.log(2.0)
-_LARGEST_RATIO = 700.0
-"""Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304."""
 
 
 @inline
@@ -53,7 +51,8 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
     else:
         tau, bits = 1.0 / rate, power.view(np.int64)
         for k in range(n):
-            r = min(steps[k] * rate, _LARGEST_RATIO)
+            # Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304
+            r = min(steps[k] * rate, 700.0)
             m = np.floor(r * _PER_LN2 + 0.5)
             f = m * _LN2 - r
             p = _series(f)

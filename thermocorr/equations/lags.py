@@ -39,9 +39,6 @@ class LagState(NamedTuple):
     """Temperature at the last sample [K or degC]."""
 
 
-_SMALL_STEP = 0.1
-"""Step over time constant below which a rational approximation replaces the exponential."""
-
 FELT = 46.0
 """Time constants after which a start is no longer felt: exp(-46) is below 1e-20."""
 
@@ -79,7 +76,8 @@ def decay_and_gain(steps: Floats, time_constant: float | Floats, hold: Hold = "f
         ``a = exp(-dt/tau)``; ``g = (1 - a) tau/dt`` for the first-order hold, 1 for the zero-order hold.
     """
     ratio = steps / time_constant
-    small = ratio < _SMALL_STEP  # element by element, so that a value does not depend on its neighbours
+    # Step over time constant below which a rational approximation replaces the exponential
+    small = ratio < 0.1  # element by element, so that a value does not depend on its neighbours
     if small.all():
         decay, gain = _of_small_steps(ratio)
     else:

@@ -33,8 +33,6 @@ NARROW, SHORT = 40, 800  # columns and rows up to which triangles are merged at 
 WIDE = 64  # columns from which those that rows have nothing in are looked for
 WELL_CONDITIONED = 1e-8
 """Reciprocal condition of the unit-column triangle from which its columns are surely independent."""
-RANK_TOLERANCE = 1e-11
-"""Singular values of the unit-column triangle below this share of the largest carry no information."""
 
 
 def triangle(matrix: Floats) -> Floats:
@@ -202,7 +200,8 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
             unit = np.vstack((unit, penalty * np.eye(p)))
             target = np.concatenate((target, np.zeros(p)))
         left, singular, right = np.linalg.svd(unit, full_matrices=False)
-        keep = singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)
+        # Singular values of the unit-column triangle below this share of the largest carry no information
+        keep = singular > 1e-11 * max(singular[0], np.finfo(float).tiny)
         inverse = (right[keep].T / singular[keep]) / safe[:, None]
         coef = inverse @ (left[:, keep].T @ target)
         rank = int(keep.sum())
@@ -237,10 +236,6 @@ def _triangular_solution(unit: Floats, target: Floats, penalty: float) -> tuple[
     if failed or np.linalg.norm(triangle_, 1) * np.linalg.norm(inverse, 1) > 1 / WELL_CONDITIONED:
         return None
     return np.triu(inverse), np.triu(inverse) @ joined[:p, p]
-
-
-CONSTANT = 1e-13
-"""Length of a column less its mean, over its whole length, below which it is a constant."""
 
 
 class Segments(NamedTuple):
@@ -283,7 +278,8 @@ class BorderedFactor:
     def solution(self, alpha: float) -> RidgeSolution | None:
         """What `solve_ridge` gives, to rounding; None where columns are not clearly independent."""
         mean, length = self._centred()
-        if not (length > CONSTANT * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
+        # Length of a column less its mean, over its whole length, below which it is a constant
+        if not (length > 1e-13 * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
             return None
         unit = np.concatenate(([np.sqrt(self.n_rows)], length))  # of [1 | Q]
         held, border = self._eliminated(unit, np.sqrt(alpha / self.n_rows))
@@ -366,8 +362,6 @@ class BorderedFactor:
 
 LARGEST = 1e8
 """Largest mean square, relative to all rows before, of a direction in rows that are not swept in by reflections."""
-GROWN = 1e3
-"""Growth of the cross products from which R is brought up to date."""
 _UNSEEN = 1e150
 """One over the diagonal of R where a column was next to nothing so far: if it is no longer, its cross products are too
 large."""
@@ -431,7 +425,8 @@ class Preconditioned:
             return []
         self._grown[first:, first:] += products.sum(axis=0)
         self._pending = True
-        if self._grown.diagonal().max() > GROWN:
+        # Growth of the cross products from which R is brought up to date
+        if self._grown.diagonal().max() > 1e3:
             self._count_from(self._up_to_date())
         return [Crossed(triangle, product) for product in products]
 

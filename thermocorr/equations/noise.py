@@ -37,14 +37,8 @@ LONGEST = 1 / 3
 """Longest correlation time, as a share of all rows: beyond, a part looks like a random walk."""
 SHORTEST = 0.7
 """Shortest correlation time of `times_down_from` [rows]: less looks white."""
-SHORT_PAUSE = 0.01
-"""Share of the record that a pause may last for noise to go on over it, wherever it lies."""
 SINGLE = 40
 """Lowest rows of the transform that stand alone: there the power changes from row to row."""
-PER_E = 20
-"""Bands to a factor of e in frequency above them."""
-ROUNDS = 60
-"""Multiplicative updates in one estimate of the variances."""
 SMALLEST = 1e-12
 """Least variance of a part, in units of the reading's: zero would never grow again."""
 
@@ -79,7 +73,8 @@ class Bands:
     def starts(self) -> np.ndarray:
         """Where each band begins in that order."""
         rank = np.arange(len(self.segment))
-        high = SINGLE + np.floor(np.log(np.maximum(rank, SINGLE) / SINGLE) * PER_E).astype(int)
+        # Bands to a factor of e in frequency above them
+        high = SINGLE + np.floor(np.log(np.maximum(rank, SINGLE) / SINGLE) * 20).astype(int)
         return np.flatnonzero(np.diff(np.where(rank < SINGLE, rank, high), prepend=-1))
 
     @cached_property
@@ -164,7 +159,8 @@ def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start:
     each band. `start` (array of shape (parts, records)): Variances to begin with.
     """
     theta = np.maximum(start, SMALLEST)
-    for _ in range(ROUNDS):
+    # Multiplicative updates in one estimate of the variances
+    for _ in range(60):
         S = parts @ theta
         theta = np.maximum(theta * (parts.T @ (power / S**2)) / (parts.T @ (share[:, None] / S)), SMALLEST)
     return np.asarray(theta)
@@ -186,7 +182,8 @@ def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> n
     edges = np.flatnonzero(np.diff(segment, prepend=-1))
     first, last = seconds[edges], seconds[[*(edges[1:] - 1), -1]]
     label = [runs[i] for i in segment[edges]]
-    short, began, ends = SHORT_PAUSE * float(np.ptp(seconds)), 0, np.zeros(len(segment), int)
+    # Share of the record that a pause may last for noise to go on over it, wherever it lies
+    short, began, ends = 0.01 * float(np.ptp(seconds)), 0, np.zeros(len(segment), int)
     for i in range(1, len(edges)):
         most = max(last[i - 1] - first[began], last[i] - first[i], short)
         if label[i] != label[i - 1] or not 0 <= first[i] - last[i - 1] <= most:
@@ -234,16 +231,8 @@ def decaying_sums(columns: np.ndarray, ratio: float) -> np.ndarray:
 
 Floats = NDArray[np.float64]
 
-PARTS = 5
-"""Parts of a record in each of which its white noise is measured: a pause, or a jump, is in few of them."""
 OF_NOISE = 0.125
 """Share of the reading's white noise that a line of a column leaves of it, below which it was made from the reading."""
-COPY = 1e-9
-"""Share of a column beside a line of the reading below which it may be the reading: its small steps tell whether."""
-SMALL_STEPS = 0.5
-"""Share of the reading's steps from row to row that are noise: the smaller half."""
-SAME_NOISE = 0.9
-"""Squared correlation of these steps above which the column carries the reading's own noise."""
 WINDOW, STRETCH, STRETCHES = 128, 4096, 16
 """Rows of a window in which spectra are measured, half of it overlapping the next; rows of a stretch of a long record,
 and stretches of it, in which they are."""
@@ -253,19 +242,9 @@ UPPER = 4
 """Part of the frequencies, from zero on, above which they are the upper two octaves."""
 WHITE = 1.5
 """Ratio of the powers in the two upper octaves up to which the reading is white there."""
-COHERENT = 0.45
-"""Mean coherence in these octaves from which a column has the reading's noise. A mean of 100 rows has 0.5: the other
-half is that of the rows that go."""
 SLOW, FOLLOWS = 64, 0.8
 """Rows of a block, and squared correlation of the means of blocks from which a column follows the reading where it is
 slow, too. A quick cause, of which a slow sensor has as much of the noise, is not all that is slow in the reading."""
-SMOOTHED = 2.0
-"""Ratio of the reading's response to the column in the upper octaves, over that below a quarter of their lower end,
-from which the column is smoother than what it would cause."""
-LATE = 0.9
-"""Correlation of the steps with those of the reading some rows before from which the column is an earlier reading."""
-ALIKE = 0.5
-"""Squared correlation from which a column may show what the reading shows."""
 SAME_SCALE = 1.25
 """Ratio of their standard deviations up to which it shows it on one scale."""
 
@@ -312,7 +291,8 @@ def shows_the_same(column: Floats, reading: Floats) -> bool:
     spread, own = np.std(reading), np.std(column)
     if not spread / SAME_SCALE < own < SAME_SCALE * spread or abs(np.mean(column) - np.mean(reading)) > spread:
         return False
-    return bool(np.corrcoef(column, reading)[0, 1] ** 2 > ALIKE)
+    # Squared correlation from which a column may show what the reading shows
+    return bool(np.corrcoef(column, reading)[0, 1] ** 2 > 0.5)
 
 
 def _is_line(column: Floats, reading: Floats) -> bool:
@@ -320,18 +300,22 @@ def _is_line(column: Floats, reading: Floats) -> bool:
     left = 1 - np.corrcoef(reading, column)[0, 1] ** 2
     if left < OF_NOISE and left * np.var(reading) < OF_NOISE * _white(reading):  # counts, a rounded copy
         return True
-    if left > COPY:
+    # Share of a column beside a line of the reading below which it may be the reading: its small steps tell whether
+    if left > 1e-9:
         return False
     steps, own = np.diff(reading), np.diff(column)  # a setpoint has nothing of the reading's noise
-    small = np.abs(steps) <= np.quantile(np.abs(steps), SMALL_STEPS)
+    # Share of the reading's steps from row to row that are noise: the smaller half
+    small = np.abs(steps) <= np.quantile(np.abs(steps), 0.5)
     if not np.ptp(steps[small]) or not np.ptp(own[small]):
         return False
-    return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > SAME_NOISE)
+    # Squared correlation of these steps above which the column carries the reading's own noise
+    return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > 0.9)
 
 
 def _white(reading: Floats) -> float:
     """Variance of the white noise in most parts of a reading."""
-    return float(np.median([white_part([part]) for part in np.array_split(reading, PARTS) if len(part)]))
+    # Parts of a record in each of which its white noise is measured: a pause, or a jump, is in few of them
+    return float(np.median([white_part([part]) for part in np.array_split(reading, 5) if len(part)]))
 
 
 def _is_smoothed(column: Floats, reading: Floats) -> bool:
@@ -348,12 +332,17 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
     if not _is_white(frequency[upper], power.real[upper]) or not of_column[upper].any():
         return False
     shared = np.abs(cross[upper]) ** 2 / np.maximum(power.real[upper] * of_column[upper], np.finfo(float).tiny)
-    if shared.mean() < COHERENT:
+    # Mean coherence in these octaves from which a column has the reading's noise. A mean of 100 rows has 0.5: the other
+    # half is that of the rows that go.
+    if shared.mean() < 0.45:
         return False
     slow, fast = (np.abs(cross[part]).sum() / of_column[part].sum() for part in (low, upper))
     together, own_alone, alone = (np.fft.irfft(each) for each in (cross, of_column, power))  # by Wiener-Khinchin
     later = together[1 : WINDOW // 4].max() / np.sqrt(own_alone[0] * alone[0])
-    return bool(fast > SMOOTHED * slow or later > LATE)
+    # Ratio of the reading's response to the column in the upper octaves, over that below a quarter of their lower end,
+    # from which the column is smoother than what it would cause
+    # Correlation of the steps with those of the reading some rows before from which the column is an earlier reading
+    return bool(fast > 2.0 * slow or later > 0.9)
 
 
 def _follows(column: Floats, reading: Floats) -> bool:

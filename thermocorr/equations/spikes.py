@@ -22,7 +22,6 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from .looks import stay_within
 from .statistics import Moments
 
 Floats = NDArray[np.float64]
@@ -37,28 +36,13 @@ SPIKE = 8.0
 Gaussian noise reaches it once in 1e11 rows; at 4, the tails of ordinary noise would be cut."""
 
 
-DECADES = 1.0
-"""Decades beyond the largest expected peak of the whole record, out to which the tail of its peaks is predicted. Of 40
-records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes of 12
-standard deviations in white noise 15 % are kept then."""
-
-
-SHARES = (3e-3, 1e-2, 3e-2)
-"""Shares of the rows from which, too, the tail is predicted: where as many are spikes, they are no part of it."""
-
-
-GAP = 2.0
-"""Ratio of the heights of one of the largest peaks and the next, from which what is above is no tail."""
-
-
 GAP_FROM = 10
 """Place of the first of the largest peaks that is looked at: chance leaves large gaps between the very largest."""
 
 
-FEWEST = 50
-"""Readings below which no noise is estimated, so that nothing is a spike."""
-
-
+FEWEST = 30
+"""Readings below which no noise is estimated, so that nothing is a spike; and of those that stand in more than one row,
+below which nothing is said of them."""
 MOST = 0.02
 """Share of the readings from which spikes are the noise itself."""
 
@@ -124,7 +108,8 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature
         return Usual(middle=middle, low=low, high=high, noise=0.0, reach=np.inf)  # it stands still: no jump is unusual
     peaks = np.sort(peak_heights(steps))
     fewest = max(1e-3, 10 / len(values))
-    shares = [fewest, *(share for share in SHARES if share > fewest)]
+    # Shares of the rows from which, too, the tail is predicted: where as many are spikes, they are no part of it
+    shares = [fewest, *(share for share in (3e-3, 1e-2, 3e-2) if share > fewest)]
     n = max(n_rows or 0, len(values))
     predicted = min(_predicted(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(predicted, _below_a_gap(peaks, noise)))
@@ -138,7 +123,10 @@ def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
     often = min(10 * rare, 0.3)
     q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)
     growth = max(q_rare / max(q_often, noise), 1.0) ** (1 / np.log10(often / rare))
-    return float(q_rare * growth ** max(np.log10(rare * n_rows) + DECADES, 0.0))
+    # Decades beyond the largest expected peak of the whole record, out to which the tail of its peaks is predicted. Of
+    # 40 records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes
+    # of 12 standard deviations in white noise 15 % are kept then.
+    return float(q_rare * growth ** max(np.log10(rare * n_rows) + 1.0, 0.0))
 
 
 def _below_a_gap(peaks: Floats, noise: float) -> float:
@@ -148,7 +136,8 @@ def _below_a_gap(peaks: Floats, noise: float) -> float:
     """
     top = peaks[int((1 - MOST) * len(peaks)) :][::-1]
     high, low = top[GAP_FROM - 1 : -1], np.maximum(top[GAP_FROM:], noise)
-    gaps = np.flatnonzero((high > SPIKE * noise) & (high > GAP * low))
+    # Ratio of the heights of one of the largest peaks and the next, from which what is above is no tail
+    gaps = np.flatnonzero((high > SPIKE * noise) & (high > 2.0 * low))
     return float(np.sqrt(high[gaps[-1]] * low[gaps[-1]])) if len(gaps) else np.inf
 
 
@@ -172,16 +161,10 @@ def peak_heights(steps: Floats) -> Floats:
     return heights
 
 
-RETURN = 0.2
-"""Difference between the readings after and before a spike, over its height, up to which it has returned."""
-LONGEST = 2
-"""Rows of a spike at most."""
 NEARBY = 25
 """Rows to either side on which the noise near a spike is measured: what is usual where noise comes and goes."""
 ABSURD = 50.0
 """Distance from the median, in ranges of nine tenths of the readings, of a code that is met for the first time."""
-UNHEARD = 1000.0
-"""Distance [ranges] of a number that is none of these codes, from which it is one if it repeats itself exactly."""
 CODES = (85.0, -127.0, -273.15, 327.67, -327.68, 999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 99999.9,
          999999.0, 32767.0, -32768.0, 65535.0)  # fmt: skip
 """Numbers that stand for "no value", those of nines with either sign: DS18B20 at power-on (85) and unplugged (-127),
@@ -297,7 +280,9 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
         return replace(rest, clipped=at_end, repeats=at_rest)
     nothing, jumps = np.zeros(0, np.intp), Jumps()
     most = min(usual.reach, OVERLOAD / 2)
-    if not len(values) or (stay_within(values, most) and abs(values[0]) < OVERLOAD):  # never where one is missing
+    steps = values[1:] - values[:-1]
+    near = steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most  # never where one is missing
+    if not len(values) or (near and abs(values[0]) < OVERLOAD):
         return Scanned(
             codes=nothing, spikes=nothing, heights=np.zeros(0), staying=jumps, left=Moments.of(values[low:high])
         )
@@ -336,7 +321,8 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
     repeated = np.zeros(len(values), bool)
     repeated[1:] = values[1:] == values[:-1]
     repeated[:-1] |= repeated[1:]
-    beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, UNHEARD))
+    # Distance [ranges] of a number that is none of these codes, from which it is one if it repeats itself exactly
+    beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, 1000.0))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False])).astype(int)))
     for start, stop in edges.reshape(-1, 2).tolist():
         ends = [abs(values[start] - values[start - 1])] if start else []
@@ -351,7 +337,8 @@ def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tupl
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps) > usual.reach)
     lengths, heights = np.zeros(len(far), np.intp), np.zeros(len(far))
-    for length in range(1, LONGEST + 1):  # of the longest that returns
+    # Rows of a spike at most
+    for length in range(1, 2 + 1):  # of the longest that returns
         ends = np.flatnonzero(np.isin(far + length, far))
         returned, height = _returned(values, far[ends] + 1, length, usual)
         lengths[ends[returned]], heights[ends[returned]] = length, height[returned]
@@ -381,7 +368,8 @@ def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual
     heights[complete] = height = away.min(axis=1)
     high = height > max(usual.reach, SPIKE * usual.noise)  # else the noise nearby need not be looked at
     noise = np.maximum(usual.noise, _noise_beside(values, first[high], length))
-    agree = np.abs(after - before)[high] <= np.maximum(3 * noise, RETURN * height[high])
+    # Difference between the readings after and before a spike, over its height, up to which it has returned
+    agree = np.abs(after - before)[high] <= np.maximum(3 * noise, 0.2 * height[high])
     returned[complete[high]] = agree & (height[high] > SPIKE * noise)
     return returned, heights
 
@@ -421,9 +409,6 @@ def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
     return mask
 
 
-OFTEN = 0.15
-"""Share of the readings that stand in more than one row, from which they may be repeated: those of white noise of 1.9
-digits do as often, and move on by two digits or less in two of three steps."""
 DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
 """Quantile of the steps beside what stands still that is a digit where readings are coarse; steps of so many digits at
 most are theirs; share of such steps from which readings are coarse. Of white noise of many digits it is a quarter."""
@@ -432,8 +417,6 @@ TRIMMED = 0.02
 UNEVEN, JITTER, JUST = 1.25, 0.15, 0.02
 """How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
 times, standard deviation as a share of their mean that is added, and variance that is added."""
-FEWEST = 30
-"""Readings that stand in more than one row, below which nothing is said."""
 DIFFERENT = 30
 """Different numbers among these readings, below which they are states or setpoints."""
 ARITHMETIC, OF_TIMES = 8.0, 1e-7
@@ -442,27 +425,12 @@ for times are rounded, too, as a share of the largest distance."""
 MOSTLY_ON_LINES = 0.3
 """Share of the readings that are the mean of their neighbours, from which rows may be filled in. Of coarse readings one
 in six is; where every second row is filled in, half."""
-BENDS = 0.05
-"""Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than bends
-where at most nineteen rows in twenty are filled in."""
-ROUNDED_LINE = 0.1
-"""A digit over that distance, up to which lines may be rounded to it."""
-AT_MULTIPLES = 0.8
-"""Share of the distances between bends that must be multiples of the usual one: rows are filled in evenly."""
-OUTLYING = 10.0
-"""Distance of a bend over the median one, beyond which it is a spike."""
 LOOK, NEAR_AT_ONCE = 4000, 0.025
 """Rows that are looked at first, for hardly any record is filled in; share of the largest distance that is near."""
-FINE = 0.5
-"""Share of the readings that are different numbers, from which one is hardly ever met twice."""
 MET = 10
 """Rows with the largest or smallest reading, below which it is no end of a range."""
 BESIDE, NEAR = 10, 3.0
 """Rows to either side whose mean tells that a reading is near an end of the range; how near, in noises."""
-FEW_VISITS = 3
-"""Times that it is met anew at least: noise goes on at the end of a range, and not where a device is at rest."""
-MORE_OFTEN = 4.0
-"""Times as often as any other reading that the end of a range is met."""
 
 
 def repeated(values: Floats) -> Booleans:
@@ -490,7 +458,9 @@ def is_repeated(values: Floats) -> bool:
     first = np.flatnonzero(~again)
     shown, rows = values[first], np.diff(first, append=len(values))
     stands = rows > 1
-    if stands.sum() < max(FEWEST, OFTEN * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
+    # Share of the readings that stand in more than one row, from which they may be repeated: those of white noise of
+    # 1.9 digits do as often, and move on by two digits or less in two of three steps
+    if stands.sum() < max(FEWEST, 0.15 * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
         return False
     steps = np.abs(np.diff(shown))
     beside = steps[stands[1:] | stands[:-1]]
@@ -551,8 +521,11 @@ def _near_lines(values: Floats, off: Floats) -> float:
     away = off[off > exact]
     if len(away) < FEWEST:
         return np.nan
-    far, digit = max(float(np.quantile(off, 1 - BENDS)), float(np.median(away))), 2 * float(away.min())
-    return 2 * digit if 2 * digit <= ROUNDED_LINE * far else exact
+    # Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than
+    # bends where at most nineteen rows in twenty are filled in
+    far, digit = max(float(np.quantile(off, 1 - 0.05)), float(np.median(away))), 2 * float(away.min())
+    # A digit over that distance, up to which lines may be rounded to it
+    return 2 * digit if 2 * digit <= 0.1 * far else exact
 
 
 def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
@@ -563,12 +536,14 @@ def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
     bends = np.flatnonzero(np.isfinite(off))
     if len(bends) < FEWEST:
         return False
-    bends = bends[off[bends] <= OUTLYING * np.median(off[bends])]
+    # Distance of a bend over the median one, beyond which it is a spike
+    bends = bends[off[bends] <= 10.0 * np.median(off[bends])]
     rows = np.diff(bends)[stretch[bends[1:]] == stretch[bends[:-1]]]
     if len(rows) < FEWEST or _coarse(off[bends]):
         return False
     usual = int(np.bincount(rows).argmax())
-    return usual > 1 and bool(np.mean(rows % usual == 0) >= AT_MULTIPLES)
+    # Share of the distances between bends that must be multiples of the usual one: rows are filled in evenly
+    return usual > 1 and bool(np.mean(rows % usual == 0) >= 0.8)
 
 
 def _coarse(steps: Floats) -> bool:
@@ -605,8 +580,11 @@ def ends_of_range(values: Floats) -> tuple[float, ...]:
     if len(different) < DIFFERENT:
         return ()
     rows = np.unique(every, return_counts=True)[1]
-    times = rows if len(different) > FINE * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
-    clipped = (times >= max(MET, MORE_OFTEN * times[1:-1].max())) & (visits >= FEW_VISITS)
+    # Share of the readings that are different numbers, from which one is hardly ever met twice
+    times = rows if len(different) > 0.5 * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
+    # Times that it is met anew at least: noise goes on at the end of a range, and not where a device is at rest
+    # Times as often as any other reading that the end of a range is met
+    clipped = (times >= max(MET, 4.0 * times[1:-1].max())) & (visits >= 3)
     return tuple(float(different[end]) for end in (0, -1) if clipped[end])
 
 

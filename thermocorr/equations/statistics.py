@@ -10,14 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .looks import summed
-
 Floats = NDArray[np.float64]
-_LEAST_WHITE = 0.1
-"""Share of the differences from row to row that the white part must have: less is an error of the extrapolation. Exact
-temperatures of simulated climates have up to 0.04, or as much as 0.3 mK."""
-_SHIFTS = (1, 2, 4)
-"""Rows between values whose differences are compared, for their white part."""
 
 
 def moving_average(values: Floats, window: int) -> Floats:
@@ -127,7 +120,8 @@ def white_part(series: Sequence[Floats]) -> float:
     """
     order = 3
     found = []
-    for k in _SHIFTS:
+    # Rows between values whose differences are compared, for their white part
+    for k in (1, 2, 4):
         total, count = 0.0, 0
         for x in series:
             change = x
@@ -142,7 +136,9 @@ def white_part(series: Sequence[Floats]) -> float:
         return once  # nothing wanders
     growth = min(max((four_times - twice) / (twice - once), 2.0), 4.0**order)  # 2^p
     white = once - (twice - once) / (growth - 1)
-    return white if white > _LEAST_WHITE * once else 0.0
+    # Share of the differences from row to row that the white part must have: less is an error of the extrapolation.
+    # Exact temperatures of simulated climates have up to 0.04, or as much as 0.3 mK.
+    return white if white > 0.1 * once else 0.0
 
 
 class Moments(NamedTuple):
@@ -157,11 +153,13 @@ class Moments(NamedTuple):
     @classmethod
     def of(cls, values: Floats) -> Moments:
         """Moments of an array, without its NaN."""
-        found = summed(values) if len(values) else None
-        if found is not None and not np.isfinite(found.mean):
+        if not np.isfinite(values.sum()):
             values = values[np.isfinite(values)]
-            found = summed(values) if len(values) else None
-        return cls() if found is None else cls(len(values), *found)
+        if not len(values):
+            return cls()
+        mean = float(values.sum() / len(values))
+        centred = values - mean
+        return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
 
     def merged(self, other: Moments) -> Moments:
         """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""

@@ -11,7 +11,7 @@ Sets that share their first members share the work: `all_set_errors` walks the t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,6 @@ Integers = NDArray[np.intp]
 
 _DEPENDENT = 1e-24
 """A column whose square falls below this share in the elimination depends on those before it."""
-_BATCH = 1 << 18
-"""Numbers worked on at a time: they stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,8 @@ def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
 
 def _squares_in_batches(learned: Floats, tested: Floats, sets: Integers, out: Floats) -> None:
     """Sum of squares that each set leaves of the tested reading: many sets at a time."""
-    size = max(1, _BATCH // ((sets.shape[1] + 1) * (learned.shape[1] + tested.shape[1])))
+    # Numbers worked on at a time: they stay in the cache
+    size = max(1, (1 << 18) // ((sets.shape[1] + 1) * (learned.shape[1] + tested.shape[1])))
     for start in range(0, len(sets), size):
         batch = np.column_stack((sets[start : start + size], np.full(len(sets[start : start + size]), -2)))
         a, z = learned[batch], tested[batch]
@@ -111,100 +110,3 @@ def _eliminate(a: Floats, later_a: Floats, z: Floats, later_z: Floats) -> None:
     share = np.matmul(later_a, a[:, :, None]) * inverse[:, None, None]
     later_a -= share * a[:, None, :]
     later_z -= share * z[:, None, :]
-
-
-@dataclass(frozen=True)
-class _Level:
-    """Sets of one size, and the columns that may still enter each of them."""
-
-    sets: Integers
-    """Shape (n, size): groups of each set, increasing."""
-    reading: Floats
-    """Shape (n, m): what a set leaves of the learned reading."""
-    tested: Floats
-    """Shape (n, m'): what it leaves of the tested reading."""
-    owner: Integers
-    """Shape (c,), increasing: set that a candidate may enter; within a set, candidates increase."""
-    group: Integers
-    """Shape (c,): the candidate's group."""
-    a: Floats
-    """Shape (c, g, m): the candidate's learned columns, all columns of its set eliminated."""
-    z: Floats
-    """Shape (c, g, m'): the same on the test side."""
-
-    def part(self, start: int, stop: int) -> _Level:
-        """Sets ``start:stop`` and their candidates."""
-        low, high = np.searchsorted(self.owner, (start, stop))
-        rows, candidates = slice(start, stop), slice(low, high)
-        return _Level(
-            sets=self.sets[rows],
-            reading=self.reading[rows],
-            tested=self.tested[rows],
-            owner=self.owner[candidates] - start,
-            group=self.group[candidates],
-            a=self.a[candidates],
-            z=self.z[candidates],
-        )
-
-
-def all_set_errors(fold: Fold, groups: Integers, max_count: int) -> Iterator[tuple[Integers, Floats]]:
-    """Mean squared test errors of all sets of 1 to `max_count` groups of columns.
-
-    `fold` (Fold). `groups` (int array of shape (n_groups, g)): Columns that enter together; -1 fills up. `max_count`
-    (int). Yields sets (int array of shape (n_sets, size)): groups, increasing. Each set comes once. Yields errors
-    (array of shape (n_sets,)).
-    """
-    n = len(groups)
-    root = _Level(
-        sets=np.zeros((1, 0), np.intp),
-        reading=fold.learned[-2:-1],
-        tested=fold.tested[-2:-1],
-        owner=np.zeros(n, np.intp),
-        group=np.arange(n),
-        a=fold.learned[groups],
-        z=fold.tested[groups],
-    )
-    waiting = [root]
-    while waiting:
-        level = waiting.pop()
-        level = _grown(level, last=level.sets.shape[1] + 1 == max_count)
-        yield level.sets, np.einsum("nm,nm->n", level.tested, level.tested) / fold.n_tested
-        if len(level.owner):
-            share = max(1, len(level.sets) * _BATCH // (level.a.size + level.z.size))
-            waiting.extend(level.part(start, start + share) for start in range(0, len(level.sets), share))
-
-
-def _grown(level: _Level, last: bool) -> _Level:
-    """Every candidate enters its set."""
-    a, z = level.a.copy(), level.z.copy()
-    reading, tested = level.reading[level.owner], level.tested[level.owner]
-    width = a.shape[1]
-    inverse = np.empty(a.shape[:2])
-    for g in range(width):
-        square = np.einsum("cm,cm->c", a[:, g], a[:, g])
-        inverse[:, g] = np.where(square > _DEPENDENT, 1.0 / np.where(square > _DEPENDENT, square, 1.0), 0.0)
-        for h in range(g + 1, width):
-            _take_out(a[:, g], a[:, h], z[:, g], z[:, h], inverse[:, g])
-        _take_out(a[:, g], reading, z[:, g], tested, inverse[:, g])
-    sets = np.column_stack((level.sets[level.owner], level.group))
-    if last:
-        nothing = np.zeros(0, np.intp)
-        return _Level(sets=sets, reading=reading, tested=tested, owner=nothing, group=nothing, a=a[:0], z=z[:0])
-    ends = np.searchsorted(level.owner, level.owner, side="right")
-    entered = np.arange(len(level.owner))
-    later = ends - entered - 1  # candidates that stand behind the entered one
-    owner = np.repeat(entered, later)
-    candidate = owner + 1 + np.arange(len(owner)) - np.repeat(np.cumsum(later) - later, later)
-    next_a, next_z = a[candidate], z[candidate]
-    for g in range(width):
-        for h in range(width):
-            _take_out(a[owner, g], next_a[:, h], z[owner, g], next_z[:, h], inverse[owner, g])
-    return _Level(
-        sets=sets, reading=reading, tested=tested, owner=owner, group=level.group[candidate], a=next_a, z=next_z
-    )
-
-
-def _take_out(a: Floats, later_a: Floats, z: Floats, later_z: Floats, inverse: Floats) -> None:
-    share = (np.einsum("cm,cm->c", a, later_a) * inverse)[:, None]
-    later_a -= share * a
-    later_z -= share * z

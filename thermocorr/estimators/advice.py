@@ -24,9 +24,6 @@ from .out_of_sample import GAIN, PIECES, OutOfSample, geometric_mean, later_piec
 
 FEWEST = 100
 """Readings below which nothing is advised."""
-SAME = 0.75
-"""Share of the temperature's variance above which laws of a copy reproduce it, and the copy proves nothing. Without
-this, none of 20 exact daily cycles but one is corrected."""
 PROBED, LAGS, TOGETHER = 100_000, 14, 3
 """Rows, lags and lags at once at most of the laws by which temperature and copies are compared."""
 LEVEL, LATEST, DRIFT = NEEDLESS = ("level", "latest level", "level and drift")
@@ -291,7 +288,9 @@ def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> f
     own = laws(short)
     least, falls = known.least(*own), []
     for copy in map(laws, moved(short, [short.temperature_name])):
-        if _explained(np.column_stack(copy), own[0][:, 0]) <= SAME:
+        # Share of the temperature's variance above which laws of a copy reproduce it, and the copy proves nothing.
+        # Without this, none of 20 exact daily cycles but one is corrected.
+        if _explained(np.column_stack(copy), own[0][:, 0]) <= 0.75:
             falls.append(float(10 * np.log10(known.least(*copy) / least)))
     return min(falls, default=np.nan)
 

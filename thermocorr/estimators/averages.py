@@ -12,11 +12,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from sklearn.base import clone
 
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
-from ..effects.thermal import seconds_array
 from ..equations import noise
 from ..records import Block, Record
 from ..records.history import Thinned
@@ -100,7 +98,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
     places = [range(low, high) for low, high in pairwise(edges)]
     exact = [_exact(own, effect, width) for own, effect in pairs]
-    walked = banks([(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None])
+    walked = [(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None]
     at, whole = 0, _reads_every_row(record)
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
@@ -118,14 +116,12 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         for own, known in zip(places, exact, strict=True):
             if known is not None:
                 means[first:n, own] = known[before:at][kept]
-        for i, bank in enumerate(walked):
-            seen = block if bank.record is record else block.of(bank.record)
-            columns, states[i] = bank.effect.each_column(seen, states[i])
-            for column, same in zip(columns, bank.places, strict=True):
+        for i, (own_record, effect, own) in enumerate(walked):
+            seen = block if own_record is record else block.of(own_record)
+            columns, states[i] = effect.each_column(seen, states[i])
+            for column, place in zip(columns, own, strict=True):
                 averaged = not as_it_is and np.ndim(column) > 0
-                mean = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
-                for place in same:
-                    means[first:n, place] = mean
+                means[first:n, place] = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
     return [means[:n, low:high] for low, high in pairwise(edges)]
 
 
@@ -201,50 +197,3 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stre
 def spans(data: Averages, record: Record) -> np.ndarray:
     """Number of the span of each stretch, see `thermocorr.equations.noise.spans`."""
     return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
-
-
-TIMES = "time_constants"
-Wanted = tuple[Record, Effect, range]
-"""An effect that has learned a record, and where its columns belong among all that are asked for."""
-
-
-@dataclass(frozen=True)
-class Bank:
-    """An effect that is walked through a record, for one that is asked for or for several."""
-
-    record: Record
-    effect: Effect
-    places: Sequence[Sequence[int]]
-    """Where each of its columns belongs among all that are asked for."""
-
-
-def banks(wanted: Sequence[Wanted]) -> list[Bank]:
-    """What to walk through records, so that all columns that are asked for are there."""
-    groups: dict[object, list[Wanted]] = {}
-    for number, each in enumerate(wanted):
-        groups.setdefault(_alike(each) if vars(type(each[1])).get("lags_apart") else number, []).append(each)
-    return [bank for group in groups.values() for bank in _joined(group)]
-
-
-def _alike(wanted: Wanted) -> tuple[object, ...]:
-    """What effects that are walked together have in common: all but their time constants, of which each has some."""
-    record, effect, _ = wanted
-    given = effect.get_params(deep=False)
-    return id(record), type(effect), np.size(given.pop(TIMES)) > 0, str(sorted(given.items()))
-
-
-def _joined(group: Sequence[Wanted]) -> list[Bank]:
-    """One bank for effects that differ in their time constants; one for each where names do not tell columns apart."""
-    record, first, _ = group[0]
-    if len(group) > 1:
-        times = {time for _, effect, _ in group for time in seconds_array(getattr(effect, TIMES)).tolist()}
-        joined = clone(first).set_params(**{TIMES: sorted(times)})
-        joined.learn(record)
-        places: dict[str, list[int]] = {}
-        for _, effect, own in group:
-            for name, place in zip(effect.names(), own, strict=True):
-                places.setdefault(name, []).append(place)
-        names = joined.names()
-        if len(set(names)) == len(names) and set(names) == set(places):
-            return [Bank(record, joined, [places[name] for name in names])]
-    return [Bank(record, effect, [[place] for place in own]) for record, effect, own in group]

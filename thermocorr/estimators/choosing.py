@@ -32,19 +32,9 @@ from .time_constants.spectrum import POOL_SIZE
 
 MOST_ROWS = 20_000
 """Rows that are enough to decide on: longer records are averaged over short stretches. What products add is slow."""
-BLOCKS = 10
-"""Blocks of time that follow on a first one: those of the later half are predicted, from everything before them. From
-less, that number of products predicts nonsense."""
 CLEARLY = 0.95
 """Errors with products over those without, of the later blocks on the average and of the fit, up to which they are
 taken: what is predicted better by chance is not fitted better."""
-EACH = 0.995
-"""Errors on each later block, likewise. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds
-302 to 305): 24 of 24 that have products get them, and 10 of 552 others; on other seeds (330 to 333) 24 of 24, and 2 of
-552. Of eight measured records, whose error on the rest they raise by half, none (`benchmarks/chosen_products.py`)."""
-
-ROUNDED = 1e-9
-"""Errors over the spread of the readings, up to which they are rounding: an exact record has nothing left to tell."""
 
 
 def beside_products(plain: DiffusiveFeatures) -> DiffusiveFeatures:
@@ -80,16 +70,23 @@ def products_help(
         record, reading = learned(features, X, y)
     except RecordError:  # too short for so many columns
         return False
-    factored = factors_of(features, record, reading, np.unique(np.concatenate(taus)), replace(settings, cv=BLOCKS))
+    # Blocks of time that follow on a first one: those of the later half are predicted, from everything before them.
+    # From less, that number of products predicts nonsense.
+    factored = factors_of(features, record, reading, np.unique(np.concatenate(taus)), replace(settings, cv=10))
     layout, products = factored.layout, features.effect_list()[-1].n_columns()
     lags = layout.columns([i for i, tau in enumerate(layout.grid) if tau in taus[layout.owner[i]]])
     alpha = found.alpha * reading.n_readings / found.factored.reading.n_readings
     without = [*range(1, layout.n_free - products), *lags]
     beside = [*range(1, layout.n_free), *lags]
     now, before = _later_errors(factored, (beside, without), alpha)
-    if len(now) < 2 or not before.min() > ROUNDED * reading.std:
+    # Errors over the spread of the readings, up to which they are rounding: an exact record has nothing left to tell
+    if len(now) < 2 or not before.min() > 1e-9 * reading.std:
         return False
-    if not ((now <= EACH * before).all() and np.mean(now / before) <= CLEARLY):
+    # Errors on each later block, likewise. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds
+    # 302 to 305): 24 of 24 that have products get them, and 10 of 552 others; on other seeds (330 to 333) 24 of 24, and
+    # 2 of 552. Of eight measured records, whose error on the rest they raise by half, none
+    # (`benchmarks/chosen_products.py`).
+    if not ((now <= 0.995 * before).all() and np.mean(now / before) <= CLEARLY):
         return False
     return _error(factored.whole, factored.whole, beside, alpha) <= CLEARLY * _error(
         factored.whole, factored.whole, without, alpha

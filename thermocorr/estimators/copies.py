@@ -15,12 +15,8 @@ import numpy as np
 from ..records import Record
 from ..records.history import Thinned
 
-COPIES = 39
-"""Copies that a column is compared with."""
 LEAST_MOVED = 0.05
 """Least move of a copy, as a share of the record."""
-GOLDEN = (5**0.5 - 1) / 2
-"""Multiples of this share of the record are spread evenly and meet no period."""
 
 
 def moved(record: Record, names: Collection[Any]) -> Iterator[Record]:
@@ -35,8 +31,10 @@ def moved(record: Record, names: Collection[Any]) -> Iterator[Record]:
         record = replace(record, exact={})
     every = len(rows) == record.n_rows  # the same numbers in another order
     stays = {of: moments for of, moments in record.known_moments.items() if every or of[0] not in names}
-    for k in range(1, COPIES + 1):
-        move = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * GOLDEN % 1)) * len(rows))
+    # Copies that a column is compared with
+    for k in range(1, 39 + 1):
+        # Multiples of this share of the record are spread evenly and meet no period
+        move = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * ((5**0.5 - 1) / 2) % 1)) * len(rows))
         columns = {name: column.copy() for name, column in whole.items()}
         for column in columns.values():
             column[rows] = np.roll(column[rows], move)[:: -1 if k % 2 else 1]

@@ -22,8 +22,6 @@ from ..records.screen import LeftOut, Limits, Screen
 RULES = ("estimate", "end")
 """What may be done where a cell is missing: estimate it from other thermometers; or pass over its row and begin a new
 segment behind it."""
-CANDIDATES = 12
-"""Time constants that are tried for the lag of another thermometer, from two steps to a tenth of the record."""
 MOST_ROWS = 20_000
 """Rows, evenly spread, from which a stand-in is learned."""
 
@@ -173,7 +171,8 @@ def _sampled(
     """Times [s], column and others, and the lags of each other one that are tried: rows evenly spread."""
     stride = max(1, record.n_used // MOST_ROWS)
     span, step = max(record.duration(segment) for segment in record.segments), record.usual_step()
-    taus = np.geomspace(2 * step, max(span / 10, 4 * step), CANDIDATES)
+    # Time constants that are tried for the lag of another thermometer, from two steps to a tenth of the record
+    taus = np.geomspace(2 * step, max(span / 10, 4 * step), 12)
     seconds, columns = [], []
     lags: list[list[np.ndarray]] = [[] for _ in others]
     states: list[LagState | None] = []
@@ -199,10 +198,6 @@ def _memory(seconds: np.ndarray, values: np.ndarray) -> float:
             return float((before[0] + share * (apart * step - before[0])) / np.log(2.0))
         apart, before = 2 * apart, (apart * step, rho)
     return max(float(seconds[-1] - seconds[0]), step) if n else step
-
-
-FEWEST_ROWS = 50
-"""With fewer known rows nothing is predicted."""
 
 
 class FilledRows(NamedTuple):
@@ -310,7 +305,8 @@ def filling_of(
     stand_ins = []
     for name, given in wanted.items():
         rule, longest = given if isinstance(given, tuple) else (given, None)
-        if record.n_used < FEWEST_ROWS:
+        # With fewer known rows nothing is predicted
+        if record.n_used < 50:
             continue
         others = [other for other in thermometers if other != name] if rule == "estimate" else []
         limit = seconds_of(longest, "fill") if longest is not None else 0.0 if rule == "end" else np.inf

@@ -21,16 +21,13 @@ constant number shows below it is rounding: a double ends at 2e-16 of its size, 
 that stays below 1e-12. A coefficient for it is the noise of the reading divided by rounding: 1e25 per kelvin.
 With half or twice of it nothing changes: between rounding and the finest thermometers there are three decades.
 """
-SMALLEST_SIZE = 1e-3
-"""Smaller numbers count as this large: a constant less its mean is rounding about zero.
-
-Not larger, for a temperature may come in volts of a thermocouple or amperes of a sensor.
-"""
 
 
 def resolved(low: float, high: float) -> float:
     """To how much numbers between two limits can be resolved, in their unit."""
-    return RESOLVED_SHARE * max(abs(low), abs(high), SMALLEST_SIZE)
+    # Smaller numbers count as this large: a constant less its mean is rounding about zero. Not larger, for a
+    # temperature may come in volts of a thermocouple or amperes of a sensor.
+    return RESOLVED_SHARE * max(abs(low), abs(high), 1e-3)
 
 
 def is_flat(low: float, high: float) -> bool:

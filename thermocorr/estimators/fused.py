@@ -26,11 +26,6 @@ from ..records import Block, History, Record
 from ..records.history import HISTORY_ROWS
 from .cutting import pieces
 
-BINS = 1 << 13
-"""Bins of a record that its history keeps whole; noise that forgets within a bin is taken for white there."""
-FEWER_BINS = 1 << 12
-"""Bins of a longer record, whose columns must be averaged while it is at hand."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Binned:
@@ -61,7 +56,9 @@ class Binning:
 
     def __init__(self, record: Record):
         self.whole = record.n_used <= HISTORY_ROWS
-        self.width = max(1, -(-record.n_used // (BINS if self.whole else FEWER_BINS)))
+        # Bins of a longer record, whose columns must be averaged while it is at hand
+        # Bins of a record that its history keeps whole; noise that forgets within a bin is taken for white there
+        self.width = max(1, -(-record.n_used // ((1 << 13) if self.whole else (1 << 12))))
         sizes = [-(-(segment.stop - segment.start) // self.width) for segment in record.segments]
         self.first = np.cumsum([0, *sizes])
         self.starts = np.array([segment.start for segment in record.segments])
@@ -156,12 +153,8 @@ def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) ->
     return means / np.maximum(count, 1.0)[:, None], ends
 
 
-WIDEST = 32
-"""Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are."""
 FEWEST = 1 << 13
 """Rows from which one pass is the faster way: before, what it does once for every stretch takes longer."""
-_NUMBERS = 3 << 17
-"""Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB)."""
 _NO_COLUMNS = np.zeros(0)
 
 
@@ -196,7 +189,8 @@ class FusedColumns:
 
     def block_rows(self) -> int:
         """Rows of a block: as many as leave the memory small."""
-        return max(_NUMBERS // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
+        # Numbers that a block of rows may hold, inputs and columns made for the pass (3 MiB)
+        return max((3 << 17) // (6 + sum(self.first[i + 1] - self.first[i] for i in self.ready)), 256)
 
     def shared(self) -> list[int]:
         """Columns that every segment has, in the order of the pass: the 1, lags, those made for it, the reading."""
@@ -221,7 +215,8 @@ def _is_decay(effect: Effect) -> bool:
 def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
     """Whether there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
     shared = sum(effect.n_columns() for effect in effects if not _is_decay(effect))
-    if not is_compiled() or record.n_used < FEWEST or shared > WIDEST:
+    # Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are
+    if not is_compiled() or record.n_used < FEWEST or shared > 32:
         return False
     lags: list[Any] = [effect for effect in effects if _is_lag(effect)]
     both = starts is not None and any(_is_decay(effect) for effect in effects)
@@ -325,8 +320,6 @@ def _joined(parts: Iterable[Crossed]) -> Iterator[Crossed]:
         yield first._replace(product=sum(products[1:], products[0])) if products else first
 
 
-ALONE = 2048
-"""Rows that tell the coordinates of the others at first: their columns are written down."""
 _NOTHING = np.zeros(0)
 
 
@@ -391,7 +384,8 @@ class FusedSweep:
             done, left = parts, parts[:0]
             crossed = [] if self._coordinates.knows_nothing else self._crossed(block, rows, done, sums)
             if not crossed:  # as many rows as are known tell of the others, mostly
-                done, left = _cut(parts, max(self._n_known, ALONE))
+                # Rows that tell the coordinates of the others at first: their columns are written down
+                done, left = _cut(parts, max(self._n_known, 2048))
                 crossed = self._crossed(block, rows, done, sums, reflected=True)
             self._gathered += zip((chunk for chunk, _ in done), crossed, strict=True)
             self._n_known += done[-1][1].stop - done[0][1].start

@@ -15,9 +15,6 @@ from .progress import Progress, told
 from .run_levels import unlearned
 from .screening import believed_readings
 
-MIN_BLOCK = 8
-"""Rows below which a block of time says nothing."""
-
 
 def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
     """Contiguous blocks of nearly equal numbers of rows, in the order of the rows.
@@ -26,7 +23,8 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
     """
     first, stop = where_read(reading, len(reading), slice)
     n_rows = stop - first
-    count = min(n_blocks, max(n_rows // MIN_BLOCK, 2))
+    # Rows below which a block of time says nothing
+    count = min(n_blocks, max(n_rows // 8, 2))
     return [slice(first + low, first + high) for low, high in pairwise(n_rows * k // count for k in range(count + 1))]
 
 

@@ -26,9 +26,6 @@ from ..records.errors import option, times_word
 from ..records.gaps import Gaps, least_gap, longest_gap
 from ..records.screen import LeftOut
 
-FELT = 0.05
-"""Share of the residuals' standard deviation below which a late error is forgotten."""
-
 
 @dataclass(frozen=True)
 class InputLaw:
@@ -63,7 +60,8 @@ def law_of_inputs(
     """
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     parts = [(effect, coef[low:high]) for effect, low, high in zip(effects, edges, edges[1:], strict=False)]
-    return [_law(column, parts, temperature, FELT * deviation) for column in columns]
+    # Share of the residuals' standard deviation below which a late error is forgotten
+    return [_law(column, parts, temperature, 0.05 * deviation) for column in columns]
 
 
 def _law(column: Any, parts: Sequence[tuple[Effect, np.ndarray]], temperature: Any, least: float) -> InputLaw:
@@ -178,10 +176,6 @@ def _propagated(
     return covariance
 
 
-KEPT_STEPS = 64
-"""Different steps whose decays are remembered; a clock that jitters does not fill the memory."""
-
-
 class Fading:
     """Covariances of what the lags of a column feel, as rows of numbers.
 
@@ -222,7 +216,8 @@ class Fading:
         decay = self._known.get(step)
         if decay is None:
             decay = np.exp(self._rates * step)
-            if len(self._known) < KEPT_STEPS:
+            # Different steps whose decays are remembered; a clock that jitters does not fill the memory
+            if len(self._known) < 64:
                 self._known[step] = decay
         return np.asarray(row * decay)
 

@@ -24,9 +24,6 @@ BLOCK = 16
 RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
-VARIES = 1e-8
-"""Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of sums
-with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive definite."""
 GAIN = 0.5
 """Mean fall of the squared error on later stretches [dB] from which an effect is worth adding."""
 
@@ -252,7 +249,10 @@ class Fold:
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
     """One over the standard deviation of columns; 0 for those that hardly vary where they are learned."""
-    alive = variance > VARIES * np.maximum(square, 1e-300)
+    # Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of
+    # sums with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive
+    # definite.
+    alive = variance > 1e-8 * np.maximum(square, 1e-300)
     return np.where(alive, 1 / np.sqrt(np.where(alive, variance, 1.0)), 0.0)
 
 

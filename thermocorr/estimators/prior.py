@@ -16,28 +16,17 @@ from typing import Any
 import numpy as np
 
 from ..effects import InitialTransient, LaggedCovariate, SeveralSteps, StaticPolynomial, ThermalLag
-from ..effects.hysteresis import present_name
 from ..effects.protocol import Effect, time_text
 from ..equations import RidgeSolution, TriangularFactor
 from ..records import RecordError
 from .features import DiffusiveFeatures
 from .fitting import Swept, white_errors
 
-ELSEWHERE = 100.0
-"""A temperature so far from the fleet's T0 is in another unit [K]."""
-UNLIKE = 10.0
-"""Residuals that are so many times the fleet's are none of a like device, or in another unit."""
 FEWEST = 3
 """Devices of a fleet that say something of one more."""
 PASSES = 200
-CONVERGED = 1e-6
-"""Relative change of the covariance at which the estimation ends."""
 LEAST = 1e-100
 """Stands for zero where something is divided by it."""
-ANY_DECAY = 1e6
-"""Share of the record up to which decays are fitted: their sizes are known before."""
-LIKE_ONE_ANOTHER = 1e-4
-"""Devices are taken to differ by this share of the mean of their laws at least."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +130,7 @@ class LawPrior:
     def _read(cls, prior: Mapping[str, Any]) -> LawPrior:
         if set(prior) != {each.name for each in fields(cls)}:
             raise ValueError(f"The 'prior' parameter has the entries {sorted(map(str, prior))}: that is no LawPrior.")
-        columns = tuple(present_name(str(name)) for name in prior["columns"])
+        columns = tuple(map(str, prior["columns"]))
         dimensions = {"mean": 1, "covariance": 2, "spread": 2}
         arrays = {name: np.asarray(prior[name], float) for name in dimensions}
         right = all(arrays[name].shape == (len(columns),) * n for name, n in dimensions.items())
@@ -235,18 +224,21 @@ def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
             f"The fleet's laws are about {prior.reference_temperature:.6g}, and this model has "
             f"reference_temperature={model.reference_temperature!r}. Leave it at 'mean', or fit the fleet with it."
         )
-    features.decay_share = ANY_DECAY
+    # Share of the record up to which decays are fitted: their sizes are known before
+    features.decay_share = 1e6
     return prior
 
 
 def check_like(prior: LawPrior, mean_temperature: float, residual: float) -> str:
     """A sentence on a device that is unlike the fleet; RecordError for a temperature in another unit."""
-    if abs(mean_temperature - prior.reference_temperature) > ELSEWHERE:
+    # A temperature so far from the fleet's T0 is in another unit [K]
+    if abs(mean_temperature - prior.reference_temperature) > 100.0:
         raise RecordError(
             f"The temperature is about {mean_temperature:.4g} here and was about {prior.reference_temperature:.4g} in "
             "the fleet: that looks like another unit. Convert it first."
         )
-    if residual <= UNLIKE * prior.noise:
+    # Residuals that are so many times the fleet's are none of a like device, or in another unit
+    if residual <= 10.0 * prior.noise:
         return ""
     return (
         f"The residuals are {residual / prior.noise:.2g} times those of the fleet: the device is not like the others, "
@@ -339,7 +331,8 @@ def _drawn_from(estimates: np.ndarray, information: np.ndarray) -> tuple[np.ndar
     (n, p, p)): Inverse of the covariance of each device's own estimate.
     """
     mean = estimates.mean(axis=0)
-    least = (LIKE_ONE_ANOTHER * np.abs(mean).max()) ** 2 * np.eye(len(mean))
+    # Devices are taken to differ by this share of the mean of their laws at least
+    least = (1e-4 * np.abs(mean).max()) ** 2 * np.eye(len(mean))
     covariance = np.cov(estimates.T).reshape(least.shape) + least
     said = np.einsum("nij,nj->ni", information, estimates)
     for _ in range(PASSES):
@@ -348,6 +341,7 @@ def _drawn_from(estimates: np.ndarray, information: np.ndarray) -> tuple[np.ndar
         each = np.einsum("nij,nj->ni", spread, said + inverse @ mean)
         mean = each.mean(axis=0)
         before, covariance = covariance, spread.mean(axis=0) + (each - mean).T @ (each - mean) / len(each) + least
-        if np.abs(covariance - before).max() <= CONVERGED * np.abs(covariance).max():
+        # Relative change of the covariance at which the estimation ends
+        if np.abs(covariance - before).max() <= 1e-6 * np.abs(covariance).max():
             break
     return mean, covariance

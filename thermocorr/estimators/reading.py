@@ -92,8 +92,6 @@ def like(X: Any, values: np.ndarray, name: str) -> Any:
     return pd.Series(values, index=X.index, name=name) if isinstance(X, pd.DataFrame) else values
 
 
-NEAR = 10.0
-"""So far beyond the fitted range, and by as much as that is wide, a temperature may be one of the same unit."""
 AMBIENT = (-40.0, 50.0)
 """Ambient temperatures [degC]."""
 _IN_DEGC: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] = {
@@ -173,23 +171,14 @@ def _is_ambient(low: float, high: float) -> bool:
 
 
 def _near(value: float, low: float, high: float) -> bool:
-    reach = max(NEAR, high - low)
+    # So far beyond the fitted range, and by as much as that is wide, a temperature may be one of the same unit
+    reach = max(10.0, high - low)
     return low - reach <= value <= high + reach
 
 
 def _from(unit: str, other: str, value: float) -> float:
     """A temperature in one unit, in another."""
     return _IN_DEGC[other][1](_IN_DEGC[unit][0](value))
-
-
-USUAL_STDS = 10.0
-"""A corrected reading so many standard deviations from the mean of the fitted readings is no surprise."""
-
-
-KELVIN_FROM = 150.0
-"""Temperatures of no unit that are all above it are taken for kelvin, others for degC."""
-FAHRENHEIT_BEYOND = 10.0
-"""Temperatures so far beyond the fitted ones, that are among them if they are degF, may be so [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +238,8 @@ class Reading:
 
 def unit_by_size(low: float) -> str:
     """The unit that temperatures of no named unit, of which `low` is the least, are taken for."""
-    return "K" if low > KELVIN_FROM else "degC"
+    # Temperatures of no unit that are all above it are taken for kelvin, others for degC
+    return "K" if low > 150.0 else "degC"
 
 
 def check_plausible(record: Record, reading: Reading, known_before: bool = False) -> None:
@@ -313,7 +303,8 @@ def check_median(median: float, thermometer: Any, low: float, high: float) -> No
             f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
             f"that looks like {said}. Convert {quoted(thermometer)} first."
         )
-    if low <= (median - 32.0) / 1.8 <= high and median > high + span + FAHRENHEIT_BEYOND:
+    # Temperatures so far beyond the fitted ones, that are among them if they are degF, may be so [K]
+    if low <= (median - 32.0) / 1.8 <= high and median > high + span + 10.0:
         warn(
             f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "
             f"{quoted(thermometer)} is in degF, convert it first."
@@ -347,7 +338,8 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
     (n_rows,)): Readings before the correction. `expected` (tuple of float): Levels that corrected readings may have
     for a reason of their own.
     """
-    usual = USUAL_STDS * fitted.std
+    # A corrected reading so many standard deviations from the mean of the fitted readings is no surprise
+    usual = 10.0 * fitted.std
     levels = (fitted.mean - usual, fitted.mean + usual, *expected)
     ends = np.fmin.reduce(corrected, initial=np.inf), np.fmax.reduce(corrected, initial=-np.inf)
     if not _far(levels, *ends):

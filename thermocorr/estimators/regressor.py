@@ -31,13 +31,6 @@ from .reading import Reading, check_corrected, check_plausible, check_reference,
 from .run_levels import RunLevels, run_levels
 from .uncertainty.assessed import SignedModel
 
-WASHOUT_TIME_CONSTANTS = 3.0
-"""An unknown start is felt for this many of the longest time constant: 5 % of it is left then."""
-
-
-CLEARLY = 3.0
-"""Standard errors from zero at which a power stays in the law though the temperatures hardly determine it."""
-
 
 class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseEstimator):
     """Learns how temperature moves a reading, late, and removes it: the model of eqs. (21)-(24).
@@ -227,13 +220,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 record, believed, prior = self._learn(X, y, say)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed, prior)
-        self.washout_ = WASHOUT_TIME_CONSTANTS * self.features_.memory()
+        # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
+        self.washout_ = 3.0 * self.features_.memory()
         return self
 
     def _knows_highest_power(self) -> bool:
         """Whether the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
         errors = standard_errors(self._swept, self._solution, self.alpha_)
-        return bool(abs(self._solution.coef[self.degree - 1]) > CLEARLY * errors[self.degree])
+        # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
+        return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
     def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:
         """Learn the coefficients; returns the record, the same without spoilt readings, and what was known before."""

@@ -23,17 +23,8 @@ from ..records.numbers import is_frame
 from .features import DiffusiveFeatures
 from .fitting import sweep_effects
 
-DISTINCT = 100.0
-"""Levels of their own must make the residual variance of a model with few lags smaller by this factor: measurands are
-more than ten times as far apart as what is left within a run. What moves the reading by less from run to run is an
-effect, to be found by a diagnosis: a drift, a step, another column. Half and twice of it is 7 and 14 times as far."""
-WITHIN = 0.3
-"""Share of the temperature's standard deviation that lies within the runs, from which they tell the static law by
-themselves. Runs at set points, one temperature each, do not: their levels are the static law."""
 NAME = "run_levels"
 """Name of the steps among the effects of a model."""
-LAGS = 5
-"""Lags of the model that decides, from two steps to a tenth of the longest run."""
 
 
 class RunLevels(NamedTuple):
@@ -67,7 +58,11 @@ def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> Run
     if len(runs) < 2:
         return RunLevels()
     better = np.inf if always else _gain(features, record)
-    if better < DISTINCT:
+    # Levels of their own must make the residual variance of a model with few lags smaller by this factor: measurands
+    # are more than ten times as far apart as what is left within a run. What moves the reading by less from run to run
+    # is an effect, to be found by a diagnosis: a drift, a step, another column. Half and twice of it is 7 and 14 times
+    # as far.
+    if better < 100.0:
         return RunLevels()
     runs.sort(key=lambda run: run.begins)
     for before, after in pairwise(runs):
@@ -166,7 +161,8 @@ def _gain(features: DiffusiveFeatures, record: Record) -> float:
     """Residual variance with one level over that with a level for each run; 1 where the runs cannot tell."""
     longest = max(record.duration(segment) for segment in record.segments)
     step = record.usual_step()
-    lag = ThermalLag(np.geomspace(2 * step, max(longest / 10, 4 * step), LAGS).tolist(), features.hold)
+    # Lags of the model that decides, from two steps to a tenth of the longest run
+    lag = ThermalLag(np.geomspace(2 * step, max(longest / 10, 4 * step), 5).tolist(), features.hold)
     lag.learn(record)
     edges = np.array([*(run.first for run in _runs(record)), record.n_rows])
     edges[0] = 0
@@ -177,7 +173,9 @@ def _gain(features: DiffusiveFeatures, record: Record) -> float:
         return 1.0
     one, each = TriangularFactor.merged(chunks).behind(1), TriangularFactor.merged(c.behind(1) for c in chunks)
     free = one.n_rows - len(one.r) - len(chunks)
-    if features.degree and np.linalg.norm(each.r[:, 0]) < WITHIN * np.linalg.norm(one.r[:, 0]):
+    # Share of the temperature's standard deviation that lies within the runs, from which they tell the static law by
+    # themselves. Runs at set points, one temperature each, do not: their levels are the static law.
+    if features.degree and np.linalg.norm(each.r[:, 0]) < 0.3 * np.linalg.norm(one.r[:, 0]):
         return 1.0
     left = _left(each)
     return _left(one) / left if free > 0 and left > 0 else 1.0

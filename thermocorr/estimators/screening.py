@@ -17,16 +17,12 @@ NEARBY = 100
 """Rows over which the size of the noise is measured where it changes with time: known to 7 %."""
 CLOSE = 25
 """Rows over which a burst of noise is measured: known to 14 %."""
-UNEVEN = 2.0
-"""Largest over smallest size of the noise (95 % and 5 %), above which rows are weighted by it."""
 BURST = 4.0
 """Size of the noise in `CLOSE` rows over its usual size, above which they are a burst and weighted by it: in a million
 rows normal noise reaches 2.0, Laplace's 2.5, Student's t with three degrees of freedom 3.2, one quantised to three
 standard deviations 3.1. Glitches in one reading of a hundred reach 4.7: fifty rows in a million count less, then."""
 LARGEST = 4.0
 """Times the mean step, in the record or close by, beyond which a step is no noise."""
-MOST_UNEVEN = 10.0
-"""Most that a weight exceeds 1: where a quantised reading rests, its noise is not known to be smaller."""
 
 
 def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
@@ -50,9 +46,11 @@ def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     close = pd.Series(_nearby(whole**2, CLOSE)).rolling(CLOSE, center=True, min_periods=1).max()  # up to its edges
     bursts = np.sqrt(np.maximum(_nearby(whole**2), close.to_numpy()))
     loud = bursts > BURST * usual
-    if not (high > UNEVEN * low or loud.any()):
+    # Largest over smallest size of the noise (95 % and 5 %), above which rows are weighted by it
+    if not (high > 2.0 * low or loud.any()):
         return np.ones(len(residual))
-    return np.asarray(1 / np.maximum(np.where(loud, bursts, size) / usual, 1 / MOST_UNEVEN))
+    # Most that a weight exceeds 1: where a quantised reading rests, its noise is not known to be smaller
+    return np.asarray(1 / np.maximum(np.where(loud, bursts, size) / usual, 1 / 10.0))
 
 
 def _nearby(values: np.ndarray, rows: int = NEARBY) -> np.ndarray:

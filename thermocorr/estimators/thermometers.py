@@ -160,13 +160,6 @@ class Thermometers(NamedTuple):
         return np.unique(np.concatenate(some)).tolist() if some else []
 
 
-STANDING = 0.5
-"""Share of rows that read what the row before read, from which the steps of a thermometer are seen as such: where it
-moves by several steps a row, they are noise like any other."""
-MANY_DIGITS = 1e-6
-"""Relative distance within which values lie on a grid of steps: those of decimal fractions in single precision."""
-
-
 def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
     """What the errors of each thermometer do: noise, steps, and what a fit makes of them.
 
@@ -250,14 +243,17 @@ def _noise_of(record: Record, name: Any) -> float:
 def resolution_of(parts: Sequence[np.ndarray]) -> float:
     """Step of an instrument, from consecutive values; 0 where few in a row are the same, or they lie on no grid."""
     still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
-    if still < STANDING * sum(max(len(part) - 1, 0) for part in parts):
+    # Share of rows that read what the row before read, from which the steps of a thermometer are seen as such: where it
+    # moves by several steps a row, they are noise like any other
+    if still < 0.5 * sum(max(len(part) - 1, 0) for part in parts):
         return 0.0
     levels = np.unique(np.concatenate(parts))
     if len(levels) < 2:
         return 0.0
     step = float(np.diff(levels).min())
     off = (levels - levels[0]) / step
-    on_grid = np.abs(off - np.rint(off)) <= MANY_DIGITS * np.abs(levels).max() / step
+    # Relative distance within which values lie on a grid of steps: those of decimal fractions in single precision
+    on_grid = np.abs(off - np.rint(off)) <= 1e-6 * np.abs(levels).max() / step
     return step if on_grid.all() else 0.0
 
 

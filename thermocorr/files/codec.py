@@ -30,8 +30,6 @@ MOST_VALUES = 9_000_000
 MOST_STATE = LARGEST**3
 """Bound of the numbers in a state, which hold powers of columns."""
 LARGEST_INTEGER = 1 << 63
-MOST_COUNTED = 1 << 53
-"""Rows, lines or bytes that are counted: a float counts as far, no log reaches it, and any log may follow."""
 LONGEST_TEXT = 10_000
 _LARGE = re.compile(rb"[0-9]{19}|[eE]\+?[0-9]{3}")
 """What numbers have that may be too large: all others need not be looked at one by one."""
@@ -243,7 +241,8 @@ def integer(value: Any, where: str, low: int = -LARGEST_INTEGER, high: int = LAR
 
 def counted(value: Any, where: str, low: int = 0) -> int:
     """A number of rows, lines or bytes, `low` at least: one that can go on counting."""
-    return integer(value, where, low, MOST_COUNTED)
+    # Rows, lines or bytes that are counted: a float counts as far, no log reaches it, and any log may follow
+    return integer(value, where, low, 1 << 53)
 
 
 def text(value: Any, where: str) -> str:

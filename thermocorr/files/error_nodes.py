@@ -265,8 +265,6 @@ _ERRORS = (
 _NOISE = (
     "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
 )  # fmt: skip
-MOST_POWER = 12
-"""Highest power of the static law that a file may speak of."""
 
 
 def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -> dict[str, Any]:
@@ -386,14 +384,9 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
 
 def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
     node = fields(node, where, ("power", "size", "weights", "alike", "lowest", "highest"))
-    power = integer(node["power"], f"{where}.power", 2, MOST_POWER)
+    # Highest power of the static law that a file may speak of
+    power = integer(node["power"], f"{where}.power", 2, 12)
     size = number(node["size"], f"{where}.size", 0.0, LARGEST**2)
-    if (
-        node["lowest"] is None
-    ):  # of a file that asks the temperature which the device acts by, where the measured is out
-        weights = np.eye(1, width)[0] if node["weights"] is None else _vector(node, "weights", where, width)
-        alike, ever = _vector(node, "alike", where, power), np.array([LARGEST])
-        return Beyond(power=power, size=size, weights=weights[None], alike=alike[None], lowest=-ever, highest=ever)
     lowest = _vector(node, "lowest", where)
     return Beyond(
         power=power,

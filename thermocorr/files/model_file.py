@@ -29,8 +29,6 @@ from .model_nodes import pack_model, unpack_model
 
 FORMAT = "thermocorr model"
 VERSION = 1
-LONGEST_MESSAGE = 400
-"""Characters of what is said about a file's content, which may be anything."""
 HISTORY_ROWS = 4096
 """Rows of the fitted record that a file keeps unless it is told otherwise."""
 _HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "digest": "(sha256:[0-9a-f]{64})",\n')
@@ -140,7 +138,8 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
     except OSError as error:
         raise ModelFileError(f"{path} cannot be read: {error.strerror}. Check its name and folder.") from None
     except ModelFileError as error:
-        found = textwrap.shorten(str(error), LONGEST_MESSAGE, placeholder=" ...")
+        # Characters of what is said about a file's content, which may be anything
+        found = textwrap.shorten(str(error), 400, placeholder=" ...")
         raise ModelFileError(f"{path} is no model that can be loaded: {found}. {error.remedy}") from None
 
 

@@ -9,7 +9,6 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 
 from ..effects import StaticPolynomial, ThermalLag
-from ..effects.hysteresis import present_name
 from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
@@ -361,7 +360,7 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
                 raise ValueError(f"{type(effect).__name__} has another number of units than of names")
     except Exception as error:
         raise ModelFileError(f"{where}.effects cannot name their columns: {error}") from None
-    if names != [present_name(str(column)) for column in items(node["columns"], f"{where}.columns")]:
+    if names != [str(column) for column in items(node["columns"], f"{where}.columns")]:
         raise unexpected(f"{where}.columns", "names", f"the {len(names)} names that the effects give")
 
 

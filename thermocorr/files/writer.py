@@ -21,8 +21,6 @@ from typing import Any, BinaryIO, NamedTuple
 from ..records import RecordError
 from ..records.errors import way
 
-HEAD = 1 << 16
-"""Bytes of a file that are looked at; the header line of a wide log is long."""
 TEXT_MARK = "# Written by thermocorr"
 """First line of a text file."""
 _MARKS = (
@@ -43,7 +41,8 @@ _MARKS = (
 def bears_mark(path: Path) -> bool:
     """Whether thermocorr wrote this file, or nothing is in it."""
     with path.open("rb") as file:
-        head = file.read(HEAD)
+        # Bytes of a file that are looked at; the header line of a wide log is long
+        head = file.read(1 << 16)
     return not head or any(mark.match(head) for mark in _MARKS)
 
 

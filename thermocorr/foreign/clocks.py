@@ -99,8 +99,6 @@ DAYS_OF_MATLAB = (719_529.0, 748_750.0)
 _SECONDS = ("s", "sec", "second", "seconds", "elapsed")
 _DATED = ("date", "datum", "timestamp", "datetime")
 """Words in the names of columns that hold seconds, and of those that hold dates."""
-DAILY = (0.5, 1.0, 7.0)
-"""Steps of logs in whole days and weeks."""
 LABVIEW = 2_082_844_800.0
 """Seconds from 1904, from which LabVIEW counts, to 1970."""
 SPANS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0, "s": 1.0}
@@ -246,7 +244,8 @@ def _form_of(known: np.ndarray, name: str) -> str | None:
     dense = len(known) > 1 and bool((known % 1.0).any()) and step < 0.5
     in_excel = high < DAYS_OF_EXCEL[1]
     in_matlab = DAYS_OF_MATLAB[0] <= low and high < DAYS_OF_MATLAB[1]
-    if not dense and not (in_excel and (step in DAILY or any(word in _DATED for word in words))):
+    # Steps of logs in whole days and weeks
+    if not dense and not (in_excel and (step in (0.5, 1.0, 7.0) or any(word in _DATED for word in words))):
         return None
     parts = known * 86_400.0  # a minute is 0.000694 days: a few decimals are none, and whole seconds are many
     whole = (np.round(known, 4) != known).any() and np.mean(np.abs(parts - np.round(parts)) < 0.05) >= 0.9

@@ -26,10 +26,6 @@ from .values import CLOCK, is_moment, is_number
 
 ZONED = re.compile(r"\d(?:Z|[+-]\d{2}:?\d{2})$")
 """The end of a time with a zone of its own."""
-LINES = 40
-"""Lines, those before the header included, from which a dialect is told: a damaged one behind them is left out."""
-FEWEST_ROWS = 2
-"""Rows that must be there before a dialect is told from them."""
 
 
 class LineTranslator:
@@ -43,7 +39,9 @@ class LineTranslator:
         with path.open("rb") as file:
             head = first_lines(file.read(1 << 16))
         if b"\0" not in head[:100]:
-            head = b"".join(head.splitlines(keepends=True)[:LINES])
+            # Lines, those before the header included, from which a dialect is told: a damaged one behind them is left
+            # out
+            head = b"".join(head.splitlines(keepends=True)[:40])
         text, found = head_dialect(head, how)
         if text is None or found is None or text.name.startswith("UTF-16") or text.name.startswith("UTF-32"):
             raise RecordError(f"{path} cannot be followed while it grows: it is no table, or in UTF-16.")
@@ -60,7 +58,8 @@ class LineTranslator:
         self.dialect: Dialect = found
         rows = [found.fields(line) for line in text.text.split("\n")[found.first :] if line.strip()]
         rows = [row[: len(found.names)] for row in rows if len(row) >= len(found.names)]
-        if len(rows) < (FEWEST_ROWS if how.time_format is None else 1):
+        # Rows that must be there before a dialect is told from them
+        if len(rows) < (2 if how.time_format is None else 1):
             raise RecordError(f"{path} has too few rows to tell how it is written. Follow it once there are some.")
         frame = pd.DataFrame(rows, columns=list(found.names), dtype=object)
         frame.attrs["units"] = dict(found.units)

@@ -65,11 +65,10 @@ def _of_three(frame: pd.DataFrame) -> LongShape | None:
         return None
     count = frame[names[0]].nunique()
     again = frame[times[0]].duplicated().any() or count == 2
-    return LongShape(times[0], names[0], numbers[0]) if 2 <= count <= MOST_SERIES and again else None
+    # Names of a log with one line for each value, at most
+    return LongShape(times[0], names[0], numbers[0]) if 2 <= count <= 100 and again else None
 
 
-MOST_SERIES = 100
-"""Names of a log with one line for each value, at most."""
 PARTS = ("year", "month", "day", "hour", "minute", "second")
 
 

@@ -45,10 +45,6 @@ CLOCKS = re.compile(
 """Beginnings of names of times that are numbers."""
 FEWEST = 10
 """Rows from which a column that counts them is told."""
-STANDS = 0.1
-"""Share of the steps of the liveliest thermometer in which another one moves, at most, if it is a set point."""
-LOOKED_AT = 20_000
-"""Rows at most that tell which of two thermometers leads."""
 
 
 class Roles(NamedTuple):
@@ -249,7 +245,8 @@ def closest(frame: pd.DataFrame, names: Sequence[str], reference: str) -> str:
 def moving(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Of several thermometers those that move: no set points, whose few levels stand while others change."""
     moved = {name: float(np.mean(np.diff(_values(frame[name])) != 0)) for name in names}
-    found = [name for name in names if moved[name] > STANDS * max(moved.values(), default=0.0)]
+    # Share of the steps of the liveliest thermometer in which another one moves, at most, if it is a set point
+    found = [name for name in names if moved[name] > 0.1 * max(moved.values(), default=0.0)]
     return found or list(names)
 
 
@@ -259,7 +256,8 @@ def leading(frame: pd.DataFrame, names: Sequence[str]) -> str:
     Two are compared by the change over k rows of one against that over the k rows behind it of the other, and the other
     way round, where k (1, 2, 4, ...) tells them apart most.
     """
-    rows = np.column_stack([_values(frame[name].iloc[:LOOKED_AT]) for name in names])
+    # Rows at most that tell which of two thermometers leads
+    rows = np.column_stack([_values(frame[name].iloc[:20_000]) for name in names])
     rows = rows[np.isfinite(rows).all(axis=1)]
     ahead = np.zeros(len(names))
     for a, b in combinations(range(len(names)), 2):

@@ -125,10 +125,6 @@ def _without_totals(table: ForeignTable) -> ForeignTable:
     return replace(table, first_line=None).with_said(rows, f"without {times_word(last, 'row')} of totals below")
 
 
-FOLLOWS = 10.0
-"""Steps of a log after which, at most, the next file of the same logger begins."""
-
-
 def read_logs(
     paths: Sequence[str | Path], how: HowToRead, *, join: bool = False, time: str | None = None, apart: bool = False
 ) -> ForeignTable:
@@ -186,7 +182,8 @@ def _following(runs: ForeignTable, column: str | None) -> ForeignTable:
     parts = sorted((part for _, part in times.groupby(runs.frame[RUN], sort=False)), key=lambda part: part.iloc[0])
     steps = pd.concat([part.diff() for part in parts]).dropna()
     ends = pd.Series([after.iloc[0] - before.iloc[-1] for before, after in pairwise(parts)])
-    if not len(steps) or not (ends > 0).all() or not (ends <= FOLLOWS * steps.median()).all():
+    # Steps of a log after which, at most, the next file of the same logger begins
+    if not len(steps) or not (ends > 0).all() or not (ends <= 10.0 * steps.median()).all():
         return runs
     order, (*said, _) = np.concatenate([part.index for part in parts]), runs.said
     frame = runs.frame.loc[order].drop(columns=[RUN]).reset_index(drop=True)

@@ -28,8 +28,6 @@ _MARKS = (
 )
 """What a file may begin with, the codec that reads it, and its name."""
 _LOOKED_AT = 4000
-_PRINTED = 0xA0
-"""From here on, bytes of Latin-1 are characters that are printed: letters with accents, degrees, micro."""
 
 
 class Decoded(NamedTuple):
@@ -71,7 +69,8 @@ def decoded(content: bytes, named: str | None = None) -> Decoded | None:
         if codec:
             raise RecordError(f"byte {error.start + 1} does not fit its encoding, {name}") from None
         beyond = np.frombuffer(content, np.uint8)
-        if ((beyond >= _PRINTED) | (beyond < 128)).all():
+        # From here on, bytes of Latin-1 are characters that are printed: letters with accents, degrees, micro
+        if ((beyond >= 0xA0) | (beyond < 128)).all():
             return Decoded(content.decode("cp1252"), "Windows-1252", error.start)
         return None
 
@@ -241,8 +240,6 @@ class Dialect:
 
 SAMPLE = 400
 """Lines that are looked at."""
-LONGEST = 20_000
-"""Characters of a line at most: a longer one is no row of a log."""
 TYPED = 0.8
 """Share of the cells of a column, or of the columns of values in a row, that hold a value."""
 
@@ -277,7 +274,8 @@ def sniff(
     `names` (sequence of str): Where the user says them. Raises RecordError where numbers have decimal points and
     decimal commas, and for another number of names than of columns.
     """
-    if max(map(len, lines), default=0) > LONGEST:
+    # Characters of a line at most: a longer one is no row of a log
+    if max(map(len, lines), default=0) > 20_000:
         return None
     choices = list(SEPARATORS) if separator is None else [separator]
     looks = [look for mark in choices if (look := _looked_at(lines, mark, decimal, forced=separator is not None))]

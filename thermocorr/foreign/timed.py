@@ -63,33 +63,11 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
         by_size = read.unix and how.names_times()
         as_came = frame[column] if by_size or kind_of(read.times) in ("number", "span") else None
         table, frame = replace(table, as_came=as_came), frame.assign(**{column: read.times})
-    table = table.with_said(frame, words, read.said, "" if how.timezone else _summer_begins(read.times))
+    table = table.with_said(frame, words, read.said)
     table = _sorted(table, column) if how.sort else table
     return _once_each(table, column, how.run) if how.drop_duplicates else table
 
 
-def _summer_begins(times: pd.Series[Any]) -> str:
-    """A word on an hour that local times leave out as summer time begins; "" where they have a zone, or none is."""
-    if kind_of(times) not in ("date", "text") or len(times) > READ_AGAIN:
-        return ""
-    dates = dates_once(times)
-    if not pd.api.types.is_datetime64_dtype(dates.dtype) or len(dates) < FEWEST or dates.isna().any():
-        return ""
-    steps = dates.diff().dt.total_seconds().to_numpy()
-    usual = float(np.median(steps[1:]))
-    odd = [dates.iloc[row] for row in np.flatnonzero(np.abs(steps - usual - 3600.0) <= 0.5 * usual)[:MOST_ODD]]
-    odd = [date for date in odd if date.hour in (2, 3) and date.day_of_week == 6 and date.month in (3, 4, 9, 10)]
-    if len(odd) != 1 or usual > 3600.0:
-        return ""
-    return f"an hour left out before {odd[0]}, as when summer time begins: --timezone for local times"
-
-
-FEWEST = 10
-"""Rows of a log from which its usual step is told."""
-READ_AGAIN = 200_000
-"""Rows at most whose times are looked at for it: to read dates twice would take long."""
-MOST_ODD = 100
-"""Steps at most that are looked at for the begin of summer time."""
 DAY_NUMBERS = ("day", "tag", "doy", "jday", "day of year", "day_of_year")
 """Names of columns that number the days of times of day, in small letters."""
 

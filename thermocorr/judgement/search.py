@@ -54,10 +54,6 @@ def together(thermometers: pd.DataFrame) -> float:
     return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
 
 
-AT_ONCE = 1 << 22
-"""Rows of all copies that are walked through together."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Copies:
     """What copies of an effect's columns, moved in time, make of a record beside the effect itself.
@@ -80,7 +76,8 @@ class Copies:
             name for name in effect.inputs() if name in pool.record.columns and name != pool.record.temperature_name
         ]
         records, columns = moved(pool.record, names), []
-        while together := _columns_of(islice(records, max(1, AT_ONCE // pool.record.n_rows)), effect):
+        # Rows of all copies that are walked through together
+        while together := _columns_of(islice(records, max(1, (1 << 22) // pool.record.n_rows)), effect):
             columns += [pool.rows.weighed(part, out=part) for part in together]
         other, first = judged.copy(), len(judged.explanations)
         other.add(columns)

@@ -38,87 +38,7 @@ from .filled import (
 from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
 
 
-class Resumable:
-    """State of an `OnlineCorrector`, taken and taken up again."""
-
-    model: DynamicBiasRegressor
-    average: MovingAverage | None
-    track: Tracker | None
-    errors: LiveErrors | None
-    continues: bool
-    _stream: Stream
-    _doubt: StreamState | None
-    _placed: bool
-
-    def __init__(self, model: DynamicBiasRegressor, **settings: Any):
-        raise NotImplementedError
-
-    def state(self) -> dict[str, Any]:
-        """All that is needed to go on later, in another process: a dict for `json.dumps`."""
-        average = None if self.average is None else self.average.count
-        track = None if self.track is None else self.track.time_constant
-        settings = StreamSettings(self.continues, average, track, self.errors is not None)
-        place = StreamPlace(self._stream.clock.next_row, self._placed)
-        return to_json(self.model, self._stream.effects, settings, place, self._state(), self._doubt)
-
-    @classmethod
-    def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> Self:
-        """Go on where `state` was taken, with the same model.
-
-        Raises
-        ------
-        ModelFileError
-            A ValueError: the state is damaged, or belongs to another model.
-        """
-        settings, place, now, doubt = from_json(model, state)
-        corrector = cls(
-            model,
-            average=settings.average,
-            track=settings.track,
-            continues=settings.continues,
-            uncertainty=settings.uncertainty,
-        )
-        corrector.go_on(now, doubt, place)
-        return corrector
-
-    def go_on(self, now: StreamState, doubt: StreamState | None = None, place: StreamPlace | None = None) -> None:
-        """Go on where a stream stood.
-
-        Parameters
-        ----------
-        now : StreamState
-            What it remembered of its samples.
-        doubt : StreamState, optional
-            What it remembered before a sample whose time is in doubt.
-        place : Place, optional
-            Where the next sample stands in a record without times.
-        """
-        if place is not None:
-            self._stream.clock.next_row, self._placed = place
-        self._put(now)
-        self._doubt = doubt
-
-    def _state(self) -> StreamState:
-        averaged = () if self.average is None else tuple(self.average.values)
-        tracked = None if self.track is None else (self.track.value, self.track.last)
-        return replace(self._stream.state(), averaged=averaged, tracked=tracked)
-
-    def _put(self, state: StreamState) -> None:
-        self._stream.put(state)
-        if self.average is not None:
-            self.average.reset()
-            self.average.values.extend(state.averaged)
-        if self.track is not None and state.tracked is not None:
-            self.track.value, self.track.last = state.tracked
-
-
-_SHORT = 64
-"""Fewer rows are faster one by one than in a block."""
-_PIECE = 1 << 16
-"""Rows of one block at most."""
-
-
-class OnlineCorrector(Resumable):
+class OnlineCorrector:
     """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
@@ -198,6 +118,49 @@ class OnlineCorrector(Resumable):
         names += [] if self.track is None else ["reference"]
         names += [] if self.errors is None else ["u"]
         return names + ([] if self.errors is None or self.average is None else ["u_smoothed"])
+
+    def state(self) -> dict[str, Any]:
+        """All that is needed to go on later, in another process: a dict for `json.dumps`."""
+        average = None if self.average is None else self.average.count
+        track = None if self.track is None else self.track.time_constant
+        settings = StreamSettings(self.continues, average, track, self.errors is not None)
+        place = StreamPlace(self._stream.clock.next_row, self._placed)
+        return to_json(self.model, self._stream.effects, settings, place, self._state(), self._doubt)
+
+    @classmethod
+    def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> Self:
+        """Go on where `state` was taken, with the same model.
+
+        Raises
+        ------
+        ModelFileError
+            A ValueError: the state is damaged, or belongs to another model.
+        """
+        settings, place, now, doubt = from_json(model, state)
+        corrector = cls(
+            model,
+            average=settings.average,
+            track=settings.track,
+            continues=settings.continues,
+            uncertainty=settings.uncertainty,
+        )
+        corrector._stream.clock.next_row, corrector._placed = place
+        corrector._put(now)
+        corrector._doubt = doubt
+        return corrector
+
+    def _state(self) -> StreamState:
+        averaged = () if self.average is None else tuple(self.average.values)
+        tracked = None if self.track is None else (self.track.value, self.track.last)
+        return replace(self._stream.state(), averaged=averaged, tracked=tracked)
+
+    def _put(self, state: StreamState) -> None:
+        self._stream.put(state)
+        if self.average is not None:
+            self.average.reset()
+            self.average.values.extend(state.averaged)
+        if self.track is not None and state.tracked is not None:
+            self.track.value, self.track.last = state.tracked
 
     def reset(self) -> None:
         """Forget the stream: the next sample is taken as the first."""
@@ -381,7 +344,8 @@ class OnlineCorrector(Resumable):
         check_block(self.model.reading_, X, values[stream.temperature], stream.temperature)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run]).reset_index(drop=True)
-        short = n + 1 if n < _SHORT else 1
+        # Fewer rows are faster one by one than in a block
+        short = n + 1 if n < 64 else 1
         untimed = stream.clock.kind == times.kind == "rows"
         stamps = None if untimed else stream.clock.stamps(times)
         return self.update_stamps(stamps, values, reading, labels, short).frame(X, self.names)
@@ -431,7 +395,8 @@ class OnlineCorrector(Resumable):
         for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
-                ahead = stamps[at : min(at + _PIECE, high)]
+                # Rows of one block at most
+                ahead = stamps[at : min(at + (1 << 16), high)]
                 n_sure = 0 if self._doubt is not None else self._stream.next_doubt(ahead, run)
                 stop = at + max(n_sure, 1)
                 rows = slice(at, stop)

@@ -13,16 +13,7 @@ import numpy as np
 from ..estimators.advice import REFINED, Advice, advise_refined
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
-from ..pictures.words import (
-    DiagnosisLike,
-    RefinementLike,
-    better_text,
-    effect_text,
-    further_text,
-    left_sentences,
-    probability_text,
-    small_sentence,
-)
+from ..pictures.words import better_text, effect_text, further_text, left_sentences, probability_text, small_sentence
 from ..records.errors import printable
 from ..records.numbers import Scale, scale_of
 
@@ -73,9 +64,9 @@ def _or_null(value: float) -> float | None:
 class Answer:
     """What is told of a record, in a terminal, as JSON and on a page. Prints in at most 16 lines of 100 characters."""
 
-    diagnosis: DiagnosisLike | None = None
+    diagnosis: Any = None
     """Diagnosis of the model; a refinement has its own."""
-    refinement: RefinementLike | None = None
+    refinement: Any = None
     comparison: VariantComparison | None = None
     advice: Advice | None = None
     """Which correction to use; by default that of the comparison."""
@@ -111,7 +102,7 @@ class Answer:
         return self.advice if self.advice is not None or self.comparison is None else self.comparison.advice
 
     @property
-    def last(self) -> DiagnosisLike | None:
+    def last(self) -> Any:
         """Diagnosis of the model that is kept."""
         if self.refinement is None:
             return self.diagnosis

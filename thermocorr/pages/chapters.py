@@ -12,16 +12,7 @@ from markupsafe import Markup
 from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
-from ..pictures.words import (
-    MINUS,
-    DiagnosisLike,
-    RefinementLike,
-    each_row,
-    effect_text,
-    left_sentences,
-    share_of_samples,
-    small_sentence,
-)
+from ..pictures.words import MINUS, each_row, effect_text, left_sentences, share_of_samples, small_sentence
 from ..records.errors import quoted
 from ..records.numbers import Scale, scale_of, span_text, unit_text
 from ..records.units import difference_unit
@@ -35,7 +26,7 @@ SHOWN = 3
 """Places and suspects listed."""
 
 
-def brief_diagnosis(found: DiagnosisLike) -> str:
+def brief_diagnosis(found: Any) -> str:
     """Verdict, residual, first places and suspects."""
     calm = VERDICTS[found.verdict].calm
     worst = each_row(found.where.head(SHOWN))
@@ -55,7 +46,7 @@ def brief_diagnosis(found: DiagnosisLike) -> str:
     )
 
 
-def brief_refinement(refinement: RefinementLike) -> str:
+def brief_refinement(refinement: Any) -> str:
     """The steps, and the last residual."""
     last, scale = refinement.diagnoses[-1], steps_scale(refinement)
     rows = [
@@ -72,15 +63,12 @@ def brief_refinement(refinement: RefinementLike) -> str:
     return rendered("brief_refinement", rows=rows, scale=scale, drawn=_residual(last))
 
 
-def _residual(found: DiagnosisLike) -> Markup:
+def _residual(found: Any) -> Markup:
     """The residual over time, empty where a diagnosis holds no data."""
     if found.data is None:
         return Markup("")
     return still(found.data.traces.columns["residual"], 2 * found.noise_floor)
 
-
-SHOWN_PLACES = 8
-"""Places of failure in the first table; the rest is folded."""
 
 HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
 
@@ -100,7 +88,7 @@ def which(answer: Answer, title: str) -> Section:
     )
 
 
-def anything(found: DiagnosisLike, title: str, figures: Markup) -> Section:
+def anything(found: Any, title: str, figures: Markup) -> Section:
     """The residual against the noise floor."""
     named = "" if found.best is None else effect_text(found.best)
     helps = bool(named) and found.suspects[0].standing == "helps"
@@ -129,10 +117,11 @@ class WherePlace(NamedTuple):
     """Where it stands on the axis of time; None for what is no single stretch of it."""
 
 
-def where(found: DiagnosisLike, title: str, data: PageData, figures: Markup) -> Section:
+def where(found: Any, title: str, data: PageData, figures: Markup) -> Section:
     """Where the model fails; the worst place in words."""
     table, calm = found.where, VERDICTS[found.verdict].calm
-    shown = 0 if calm else SHOWN_PLACES
+    # Places of failure in the first table; the rest is folded
+    shown = 0 if calm else 8
     longest = float(max(table["share"].max(), 1e-300)) if len(table) else 1.0
     rows = [
         WherePlace(row, longest, placed(data, row.low, row.high) if row.aspect == "time" else None)
@@ -150,7 +139,7 @@ def where(found: DiagnosisLike, title: str, data: PageData, figures: Markup) -> 
     )
 
 
-def what(found: DiagnosisLike, title: str, data: PageData) -> Section:
+def what(found: Any, title: str, data: PageData) -> Section:
     """The causes, what lowers the error on later data most first, and the other suspects as they are ranked."""
     return section(
         "what",
@@ -164,7 +153,7 @@ def what(found: DiagnosisLike, title: str, data: PageData) -> Section:
     )
 
 
-def cure(found: DiagnosisLike, title: str) -> Section:
+def cure(found: Any, title: str) -> Section:
     """The effect ready to be added, and the measurement that would confirm it or part rivals."""
     rivals = () if found.best is None else (found.best, *(found.suspects[0].confusable_with if found.suspects else ()))
     return section(
@@ -222,8 +211,6 @@ def by_kind(effects: Sequence[Any]) -> list[Any]:
 
 LISTED = 200
 """Coefficients listed, and lines of the formula: a record of many segments has decays for each."""
-OPEN_ROWS = 20
-"""A table of coefficients of more rows is folded at first."""
 FEWEST_DIGITS, MOST_DIGITS = 6, 15
 """Digits of a coefficient."""
 FLAGS = {
@@ -241,7 +228,7 @@ FLAGS = {
 }
 
 
-def steps(refinement: RefinementLike, title: str, figures: Markup) -> Section:
+def steps(refinement: Any, title: str, figures: Markup) -> Section:
     """The error, step by step."""
     rows = list(each_row(refinement.steps))
     return section(
@@ -256,14 +243,14 @@ def steps(refinement: RefinementLike, title: str, figures: Markup) -> Section:
     )
 
 
-def in_short(refinement: RefinementLike) -> Markup:
+def in_short(refinement: Any) -> Markup:
     """What refinement achieved, in a sentence."""
     table, unit = refinement.steps, refinement.diagnoses[0].unit
     scale = steps_scale(refinement)
     return rendered("in_short", first=table.iloc[0], last=table.iloc[-1], unit=unit, scale=scale)
 
 
-def steps_scale(refinement: RefinementLike) -> Scale:
+def steps_scale(refinement: Any) -> Scale:
     """The unit for the errors of all steps."""
     return scale_of(refinement.steps[["held_out_rms", "later_rms", "rms"]], refinement.diagnoses[0].unit)
 
@@ -304,6 +291,7 @@ def formula(data: PageData, title: str, figures: Markup) -> Section:
     """The model's formula and coefficients."""
     count, lines = len(data.coefficients), data.equation.split("\n")
     shown = lines if len(lines) <= LISTED else [*lines[:LISTED], "    + ... (whole: model.equation())"]
+    # A table of coefficients of more rows is folded at first
     return section(
         "model",
         title,
@@ -318,7 +306,7 @@ def formula(data: PageData, title: str, figures: Markup) -> Section:
             (row, scale_of([row.coefficient], row.unit), digits_down_to(row.standard_error, row.coefficient))
             for row in each_row(data.coefficients[:LISTED])
         ],
-        open=count <= OPEN_ROWS,
+        open=count <= 20,
         figures=figures,
     )
 

@@ -22,8 +22,6 @@ MOST_POINTS = 85_000
 
 AVERAGES = 400
 """Stretches that the residual is averaged over, to show what its noise hides."""
-LEAST = 4
-"""Fewest rows of such a stretch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +168,8 @@ class Extremes:
 
     def group(self, most: int = AVERAGES) -> int:
         """Cells of a stretch to average over."""
-        return max(-(-self._count // most), -(-LEAST // self.width))
+        # Fewest rows of such a stretch
+        return max(-(-self._count // most), -(-4 // self.width))
 
     def averages(self, column: int, group: int) -> tuple[np.ndarray, np.ndarray]:
         """First and last point (as `points` counts them) and mean of stretches of `group` cells inside segments."""

@@ -22,8 +22,6 @@ from .charts import MOST_POINTS, Traces, column_key
 
 UPLOT = "1.6.32"
 """Version of the chart library in ``assets``."""
-LISTED_GAPS = 20
-"""Gaps and runs listed by name."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +81,7 @@ class PageData:
         traces = Traces.of(model, X, y, walk.timeline, beside=beside, most=most)
         allan = AllanDisplay.from_estimator(model, X, y)
         last = record.segments[-1].stop - 1
+        # Gaps and runs listed by name
         return cls(
             reading=model.reading_.name,
             temperature=walk.temperature_name,
@@ -103,7 +102,7 @@ class PageData:
                     record.times.label(record.row(stop - 1)),
                     stop - start,
                 )
-                for start, stop, run in record.segments[:LISTED_GAPS]
+                for start, stop, run in record.segments[:20]
             ),
             n_segments=len(record.segments),
             notes=tuple(dict.fromkeys((*model.notes_, *record.notes))),

@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from ..files import write_file
 from ..pictures.axes import stretches
-from ..pictures.words import DiagnosisLike, RefinementLike
 from . import chapters, figures
 from .answer import Answer
 from .chapters import brief_diagnosis, brief_refinement
@@ -106,25 +105,25 @@ class Page:
 class DiagnosisPage(Page):
     """Page of a `Diagnosis`."""
 
-    def to_html(self: DiagnosisLike, *, source: str = "", command: str = "") -> str:
+    def to_html(self: Any, *, source: str = "", command: str = "") -> str:
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         if self.data is None:
             raise ValueError("This diagnosis holds no data to draw. Make it with diagnose(model, X, y).")
         return page(self.data, Answer(diagnosis=self, source=source, command=command))
 
-    def _repr_html_(self: DiagnosisLike) -> str:
+    def _repr_html_(self: Any) -> str:
         return brief_diagnosis(self)
 
 
 class RefinementPage(Page):
     """Page of a `Refinement`: its last model's, with the diagnosis of the first."""
 
-    def to_html(self: RefinementLike, *, source: str = "", command: str = "") -> str:
+    def to_html(self: Any, *, source: str = "", command: str = "") -> str:
         """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
         data = self.diagnoses[-1].data
         if data is None:
             raise ValueError("This refinement holds no data to draw. Make it with refine(model, X, y).")
         return page(data, Answer(refinement=self, source=source, command=command))
 
-    def _repr_html_(self: RefinementLike) -> str:
+    def _repr_html_(self: Any) -> str:
         return brief_refinement(self)

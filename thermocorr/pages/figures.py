@@ -11,18 +11,13 @@ import numpy as np
 from ..estimators.time_constants.search import CONFIDENCE_95
 from ..pictures import SpectrumDisplay
 from ..pictures.axes import TimeLine
-from ..pictures.words import DiagnosisLike
 from ..records.numbers import SPANS, span_text, span_unit, unit_text
 from ..records.units import difference_unit
 from .charts import Chart, ChartLine, Panel
 from .data import PageData
 
-NOISY = 0.3
-"""Noise floor over residual, above which the noise hides what is to be seen and averages are drawn too."""
 FEW = 8
 """Fewer means than this are not drawn."""
-MOST_JOINTS = 5000
-"""Segments whose true times a pointer can show."""
 
 
 def series(data: PageData, floor: float | None = None, shades: Sequence[tuple[float, float]] = ()) -> Chart:
@@ -69,7 +64,8 @@ def residual_lines(data: PageData, floor: float | None) -> tuple[ChartLine, ...]
     """The residual, and its averages where noise hides something."""
     traces = data.traces
     own = ChartLine("residual", traces.columns["residual"], "residual")
-    if floor is not None and floor < NOISY * traces.rms:
+    # Noise floor over residual, above which the noise hides what is to be seen and averages are drawn too
+    if floor is not None and floor < 0.3 * traces.rms:
         return (replace(own, role="average"),)
     if len(traces.average[1]) < FEW:
         return (own,)
@@ -132,7 +128,8 @@ def axis_of(line: TimeLine, places: np.ndarray) -> Axis:
     scale = 1.0 if line.samples else SPANS[unit]
     label = "time since the first row" if line.in_order else "recorded time, long gaps left out"
     joints: tuple[tuple[float, float], ...] = ()
-    if not line.in_order and len(line.starts) <= MOST_JOINTS:
+    # Segments whose true times a pointer can show
+    if not line.in_order and len(line.starts) <= 5000:
         true = line.starts - line.shifts
         true = true + line.zero if line.dates else true / scale
         joints = tuple(zip((line.starts / scale).tolist(), true.tolist(), strict=True))
@@ -147,7 +144,7 @@ def placed(data: PageData, low: float, high: float) -> tuple[float, float] | Non
     return time_axis(data).at(first), time_axis(data).at(last)
 
 
-def spectrum(found: DiagnosisLike) -> Chart | None:
+def spectrum(found: Any) -> Chart | None:
     """Spectrum of what no cause explains, and of the noise that explanations were weighed against."""
     frame = found.left.spectrum
     if len(frame) < FEW:

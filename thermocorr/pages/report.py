@@ -8,7 +8,6 @@ from typing import Any
 
 from ..estimators import DynamicBiasRegressor, VariantComparison
 from ..files import write_file
-from ..pictures.words import DiagnosisLike, RefinementLike
 from . import Answer, PageData, page
 
 
@@ -18,8 +17,8 @@ def write_report(
     X: Any,
     y: Any,
     *,
-    diagnosis: DiagnosisLike | None = None,
-    refinement: RefinementLike | None = None,
+    diagnosis: Any = None,
+    refinement: Any = None,
     comparison: VariantComparison | None = None,
     unjudged: str = "",
     source: str = "",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,6 @@ from ..records import Block, Record
 from ..records.errors import printable
 from ..records.numbers import SPANS, is_frame, scale_of, span_text, span_unit, unit_text
 from ..records.units import without_unit
-from .words import DiagnosisLike
 
 EMPTY = 0.5
 """Share of the span without rows, above which long gaps are left out of the axis."""
@@ -172,7 +171,7 @@ WORSE = 1.5
 """A stretch is shown as failing above this ratio of its share of the excess error to its share of the samples."""
 
 
-def stretches(diagnosis: DiagnosisLike, timeline: TimeLine) -> list[tuple[float, float]]:
+def stretches(diagnosis: Any, timeline: TimeLine) -> list[tuple[float, float]]:
     """Places on the axis of the stretches of time in which a model fails [s]; neighbours are joined.
 
     None where the diagnosis finds nothing missing, or where runs overlap in time, so that a time has several places.
@@ -304,6 +303,14 @@ def pyplot() -> Any:
     except ImportError:
         raise ImportError("Drawing needs matplotlib: pip install matplotlib.") from None
     return plt
+
+
+class Display:
+    """What draws, as scikit-learn's displays do: after `plot`, ``ax_``, ``axes_`` and ``figure_`` are matplotlib's."""
+
+    def _drawn(self, axes: Any, first: Any) -> Self:
+        self.axes_, self.ax_, self.figure_ = axes, first, first.figure
+        return self
 
 
 def axes_grid(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -24,6 +25,7 @@ from .axes import (
     ORANGE,
     SKY,
     VERMILION,
+    Display,
     TimeLine,
     axes_grid,
     cells_of,
@@ -37,32 +39,22 @@ from .axes import (
     pyplot,
     without_times,
 )
-from .words import DiagnosisLike, RefinementLike, aspect_text, each_row, ends_text, probability_text, wrapped
-
-PANELS = 8
-"""Conditions that are drawn."""
-WIDEST_PLACES = 26
-"""Letters of a condition's name on one line."""
+from .words import aspect_text, each_row, ends_text, probability_text, wrapped
 
 
-class WhereDisplay:
+@dataclass(eq=False)
+class WhereDisplay(Display):
     """Where a model fails: a panel for each condition, the worst first, with a bar for each of its intervals.
 
     A bar is the interval's share of the error beyond the noise over its share of the samples: 1, dashed, where the
     error is as large as elsewhere. The worst interval is orange, with its share of the error.
-
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(self, where: pd.DataFrame, units: dict[str, str] | None = None):
-        self.where = where
-        self.units = units or {}
+    where: pd.DataFrame
+    units: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def from_diagnosis(cls, diagnosis: DiagnosisLike, X: Any = None) -> WhereDisplay:
+    def from_diagnosis(cls, diagnosis: Any, X: Any = None) -> WhereDisplay:
         """Create it from what `diagnose` found; `X`, the record, tells the units of its columns."""
         units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
         return cls(diagnosis.where, units)
@@ -71,13 +63,14 @@ class WhereDisplay:
         """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
         return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
 
-    def plot(self, ax: Any = None) -> WhereDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in a new figure; `ax` may be one Axes, whose place is divided."""
-        strips = [strip for _, strip in self.frame().groupby(["aspect", "condition"], sort=False)][:PANELS]
+        # Conditions that are drawn
+        strips = [strip for _, strip in self.frame().groupby(["aspect", "condition"], sort=False)][:8]
         rows = max(-(-len(strips) // 2), 1)
         axes = axes_grid(ax, rows, 2 if len(strips) > 1 else 1, size=(9.0, 0.6 + 1.45 * rows))
         first = axes[0, 0]
-        self.axes_, self.ax_, self.figure_ = axes, first, first.figure
+        self._drawn(axes, first)
         if not strips:
             first.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=first.transAxes)
             first.set_axis_off()
@@ -108,7 +101,8 @@ class WhereDisplay:
         ax.set_xlim(0, len(strip))
         ax.set_ylim(0, highest)
         ax.tick_params(axis="y", labelsize=8)
-        ax.set_title(wrapped(self._name(strip.iloc[0]), WIDEST_PLACES, 2), loc="left", fontsize=9)
+        # Letters of a condition's name on one line
+        ax.set_title(wrapped(self._name(strip.iloc[0]), 26, 2), loc="left", fontsize=9)
         plain(ax)
 
     def _name(self, place: Any) -> str:
@@ -118,27 +112,17 @@ class WhereDisplay:
         return str(place.condition)
 
 
-WIDE = 5.0
-"""Largest over smallest error, above which the axis is logarithmic."""
+@dataclass(eq=False)
+class RefinementDisplay(Display):
+    """Error of the model after each step of `refine`, in sample, held out and on later blocks, to the noise floor."""
 
-
-class RefinementDisplay:
-    """Error of the model after each step of `refine`, in sample, held out and on later blocks, down to the noise floor.
-
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
-    """
-
-    def __init__(self, steps: pd.DataFrame, noise_floor: float, unit: str, verdict: str):
-        self.steps = steps
-        self.noise_floor = noise_floor
-        self.unit = unit
-        self.verdict = verdict
+    steps: pd.DataFrame
+    noise_floor: float
+    unit: str
+    verdict: str
 
     @classmethod
-    def from_refinement(cls, refinement: RefinementLike) -> RefinementDisplay:
+    def from_refinement(cls, refinement: Any) -> RefinementDisplay:
         """Create it from what `refine` did."""
         last = refinement.diagnoses[-1]
         return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
@@ -147,7 +131,7 @@ class RefinementDisplay:
         """Step, effect, change, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
         return self.steps.assign(noise_floor=self.noise_floor)
 
-    def plot(self, ax: Any = None) -> RefinementDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         n = len(self.steps)
         axes = axes_grid(ax, size=(max(5.0, 2.2 + 1.6 * n), 4.2))[0]
@@ -161,7 +145,8 @@ class RefinementDisplay:
         only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
         values = np.array([*self.steps["held_out_rms"], *later, *self.steps["rms"], self.noise_floor])
         values = values[np.isfinite(values) & (values > 0)]
-        if len(values) and values.max() > WIDE * values.min():
+        # Largest over smallest error, above which the axis is logarithmic
+        if len(values) and values.max() > 5.0 * values.min():
             only.set_yscale("log")
             label_log_values(only.yaxis, "rms error", self.unit)
         else:
@@ -180,8 +165,7 @@ class RefinementDisplay:
         plain(only)
         only.grid(False, axis="x")
         legend_above(only)
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        return self
+        return self._drawn(axes, only)
 
 
 def _free_above(step: Any, logarithmic: bool) -> bool:
@@ -199,33 +183,21 @@ def _name(step: Any) -> str:
 
 
 SHOWN = 8
-LONGEST_TEXT = 58
-"""Letters beside a bar; `frame` has everything."""
-LEAST_REACH = 0.5
-"""Shortest length of the axis of gains [dB], so that small gains look small."""
-WIDEST = 38
-"""Letters of a suspect's name on one line."""
 PALE = "#B8C4CE"
 COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_value", "share", "confusable_with"]
 
 
-class SuspectsDisplay:
-    """Suspects ranked: fall of the error on later data, how sure that is, and what each cannot be told apart from.
+@dataclass(eq=False)
+class SuspectsDisplay(Display):
+    """Suspects ranked: fall of the error on later data, how sure it is, and what each cannot be told from."""
 
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
-    """
-
-    def __init__(self, ranking: pd.DataFrame, verdict: str, named: bool = False, level: float = 0.001):
-        self.ranking = ranking
-        self.verdict = verdict
-        self.named = named
-        self.level = level
+    ranking: pd.DataFrame
+    verdict: str
+    named: bool = False
+    level: float = 0.001
 
     @classmethod
-    def from_diagnosis(cls, diagnosis: DiagnosisLike) -> SuspectsDisplay:
+    def from_diagnosis(cls, diagnosis: Any) -> SuspectsDisplay:
         """Create it from what `diagnose` found."""
         return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None, diagnosis.level)
 
@@ -233,12 +205,12 @@ class SuspectsDisplay:
         """Label, kind, column, standing, gain_db, later_db, p_value, share and confusable_with, the best first."""
         return self.ranking.reindex(columns=COLUMNS)
 
-    def plot(self, ax: Any = None) -> SuspectsDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         frame = self.frame().head(SHOWN)
         axes = axes_grid(ax, size=(9.0, 1.3 + 0.42 * max(len(frame), 1)))[0]
         only = axes[0]
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        self._drawn(axes, only)
         title = f"Verdict: {self.verdict}" + (f" - {frame['label'].iloc[0]}" if self.named and len(frame) else "")
         only.set_title(wrapped(title, 80), loc="left", fontsize=10)
         if not len(frame):
@@ -249,7 +221,8 @@ class SuspectsDisplay:
         falls = frame["later_db"].fillna(frame["gain_db"])  # a jump at the end has no later data
         gains = falls.clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
-        reach = max(float(gains.max()), LEAST_REACH)
+        # Shortest length of the axis of gains [dB], so that small gains look small
+        reach = max(float(gains.max()), 0.5)
         for row, suspect in enumerate(each_row(frame)):
             text = f"p-value {probability_text(suspect.p_value)}"
             if suspect.standing == "helps":
@@ -259,12 +232,14 @@ class SuspectsDisplay:
                 text += ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
-                text += "\n" + textwrap.shorten(f"not to be told from {others}", LONGEST_TEXT, placeholder=" ...")
+                # Letters beside a bar; `frame` has everything
+                text += "\n" + textwrap.shorten(f"not to be told from {others}", 58, placeholder=" ...")
             only.text(
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
                 color="0.1" if certain.iloc[row] else "0.4",
             )  # fmt: skip
-        labels = [wrapped(label, WIDEST) for label in frame["label"]]
+        # Letters of a suspect's name on one line
+        labels = [wrapped(label, 38) for label in frame["label"]]
         only.set_yticks(range(len(frame)), labels, fontsize=8 if any("\n" in label for label in labels) else None)
         if self.named:
             only.get_yticklabels()[0].set_fontweight("bold")
@@ -278,7 +253,7 @@ class SuspectsDisplay:
         return self
 
 
-def plot_diagnosis(diagnosis: DiagnosisLike, X: Any = None) -> Any:
+def plot_diagnosis(diagnosis: Any, X: Any = None) -> Any:
     """Draw suspects above, places of failure below; returns the figure. `X`, the record, tells units of columns."""
     figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.2))
@@ -293,7 +268,7 @@ def plot_diagnosis(diagnosis: DiagnosisLike, X: Any = None) -> Any:
     return figure
 
 
-def plot_refinement(refinement: RefinementLike) -> Any:
+def plot_refinement(refinement: Any) -> Any:
     """Draw the steps above, what is suspected after the last one below; returns the figure."""
     figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1)
@@ -305,33 +280,20 @@ def plot_refinement(refinement: RefinementLike) -> Any:
 READING = "before correction"
 
 
-class VariantsDisplay:
+@dataclass(eq=False)
+class VariantsDisplay(Display):
     """Reading before and after each variant's correction, over time and against temperature.
 
     The paper's figures 4 to 11 for any record: corrected readings less U0, smoothed by a moving average, eqs. (9)
     (26). All corrections have the same scale.
-
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(
-        self,
-        cells: pd.DataFrame,
-        timeline: TimeLine,
-        table: pd.DataFrame,
-        window: int,
-        temperature: tuple[str, str],
-        reading: tuple[str, str],
-    ):
-        self.cells = cells
-        self.timeline = timeline
-        self.table = table
-        self.window = window
-        self.temperature = temperature
-        self.reading = reading
+    cells: pd.DataFrame
+    timeline: TimeLine
+    table: pd.DataFrame
+    window: int
+    temperature: tuple[str, str]
+    reading: tuple[str, str]
 
     @classmethod
     def from_comparison(cls, comparison: VariantComparison) -> VariantsDisplay:
@@ -363,7 +325,7 @@ class VariantsDisplay:
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> VariantsDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw; `ax` may be one Axes, whose place is divided, or two for each variant and for the reading."""
         variants = [name for name in self.table.index if name != READING]
         rows = [READING, *variants]
@@ -390,8 +352,7 @@ class VariantsDisplay:
         axes[0, 0].figure.align_ylabels(axes[:, 0])
         axes[-1, 1].set_xlabel(labelled(*self.temperature))
         axes[0, 1].set_title("against temperature", loc="left", fontsize=10)
-        self.axes_, self.ax_, self.figure_ = axes, axes[0, 0], axes[0, 0].figure
-        return self
+        return self._drawn(axes, axes[0, 0])
 
     def _title(self, name: str) -> str:
         figures: Any = self.table.loc[name]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,7 @@ from .axes import (
     GREY,
     ORANGE,
     SEQUENTIAL,
+    Display,
     TimeLine,
     Walk,
     axes_grid,
@@ -38,26 +40,21 @@ from .axes import (
 )
 from .words import each_row
 
-MOST_PANELS = 8
-"""Effects that get a panel; the smallest of more are added together."""
 
-
-class ContributionsDisplay:
+@dataclass(eq=False)
+class ContributionsDisplay(Display):
     """Contribution of each effect over time, the largest first, one panel each.
 
     Attributes
     ----------
     rms : Series
         Root mean square of each effect's contribution about its mean, the largest first, in the unit of the reading.
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, rms: pd.Series, unit: str):
-        self.cells = cells
-        self.timeline = timeline
-        self.rms = rms
-        self.unit = unit
+    cells: pd.DataFrame
+    timeline: TimeLine
+    rms: pd.Series
+    unit: str
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> ContributionsDisplay:
@@ -93,9 +90,10 @@ class ContributionsDisplay:
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> ContributionsDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw one panel per effect; `ax` may be one Axes, whose place is divided, or one for each effect."""
-        labels = self.rms.index[:MOST_PANELS]
+        # Effects that get a panel; the smallest of more are added together
+        labels = self.rms.index[:8]
         axes = axes_grid(ax, len(labels), size=(9.0, 1.0 + 1.5 * len(labels)), sharex=True)[:, 0]
         for axes_, label, colour in zip(axes, labels, (COLOURS * 2)[: len(labels)], strict=True):
             draw_cells(axes_, self.cells, self.timeline, label, colour)
@@ -107,32 +105,23 @@ class ContributionsDisplay:
             axes_.tick_params(labelbottom=axes_ is axes[-1])
         name_runs(axes[0], self.timeline)
         axes[0].figure.align_ylabels(axes)
-        self.axes_, self.ax_, self.figure_ = axes, axes[0], axes[0].figure
-        return self
+        return self._drawn(axes, axes[0])
 
 
-MOST_LINES = 8
-"""Time constants that are drawn, evenly over all."""
 AMBIENT = "ambient"
 KINDS = ("temperature", "start", "difference")
 DRAWN = ("temperature", "difference")
 
 
-class InnerTemperaturesDisplay:
-    """Ambient and inner temperatures, and inner less ambient temperature, over time: the darker, the faster.
+@dataclass(eq=False)
+class InnerTemperaturesDisplay(Display):
+    """Ambient and inner temperatures, and inner less ambient temperature, over time: the darker, the faster."""
 
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
-    """
-
-    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, time_constants: np.ndarray, name: str, unit: str):
-        self.cells = cells
-        self.timeline = timeline
-        self.time_constants = time_constants
-        self.name = name
-        self.unit = unit
+    cells: pd.DataFrame
+    timeline: TimeLine
+    time_constants: np.ndarray
+    name: str
+    unit: str
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> InnerTemperaturesDisplay:
@@ -151,7 +140,8 @@ class InnerTemperaturesDisplay:
         """
         walk = Walk(model, X)
         taus = np.asarray(walk.model.time_constants_, float)
-        chosen = np.unique(np.linspace(0, len(taus) - 1, min(len(taus), MOST_LINES)).round().astype(int))
+        # Time constants that are drawn, evenly over all
+        chosen = np.unique(np.linspace(0, len(taus) - 1, min(len(taus), 8)).round().astype(int))
         names = [AMBIENT, *(f"{kind} {span_text(tau)}" for kind in KINDS for tau in taus[chosen])]
 
         def parts() -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
@@ -169,7 +159,7 @@ class InnerTemperaturesDisplay:
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> InnerTemperaturesDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw two panels; `ax` may be one Axes, whose place is divided, or two."""
         axes = axes_grid(ax, 2, size=(9.0, 5.6), sharex=True)[:, 0]
         colours = pyplot().get_cmap(SEQUENTIAL)(np.linspace(0.0, 0.9, len(self.time_constants)))
@@ -189,42 +179,26 @@ class InnerTemperaturesDisplay:
         legend_above(axes[0], ncols=5)
         name_runs(axes[0], self.timeline)
         axes[0].figure.align_ylabels(axes)
-        self.axes_, self.ax_, self.figure_ = axes, axes[0], axes[0].figure
-        return self
+        return self._drawn(axes, axes[0])
 
 
 POINTS = 200
-INSTANT = 1e-6
-"""Length of the step, as a share of the first time drawn."""
 
 
-class StepResponseDisplay:
+@dataclass(eq=False)
+class StepResponseDisplay(Display):
     """Bias after a step of temperature from the reference temperature, device at rest, over time.
 
     The band joins all coefficients' errors with their correlations: neighbouring lags err in opposite directions, and
     their sum is known far better than each of them.
-
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(
-        self,
-        response: pd.DataFrame,
-        time_constants: np.ndarray,
-        step: float,
-        temperature_unit: str,
-        unit: str,
-        samples: bool = False,
-    ):
-        self.response = response
-        self.time_constants = time_constants
-        self.step = step
-        self.temperature_unit = temperature_unit
-        self.unit = unit
-        self.samples = samples
+    response: pd.DataFrame
+    time_constants: np.ndarray
+    step: float
+    temperature_unit: str
+    unit: str
+    samples: bool = False
 
     @classmethod
     def from_estimator(cls, model: Any, *, step: float = 1.0) -> StepResponseDisplay:
@@ -265,7 +239,7 @@ class StepResponseDisplay:
         """Time after the step [s], response of the bias, and its standard error, in the unit of the reading."""
         return self.response.copy()
 
-    def plot(self, ax: Any = None) -> StepResponseDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         axes = axes_grid(ax, size=(7.0, 4.2))[0]
         only = axes[0]
@@ -284,8 +258,7 @@ class StepResponseDisplay:
         log_time_axis(only, "time after the step", self.samples)
         label_values(only.yaxis, f"bias after a step of {self.step:g} {self.temperature_unit}", self.unit)
         legend_above(only)
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        return self
+        return self._drawn(axes, only)
 
 
 def _times(fitted: Any) -> np.ndarray:
@@ -303,7 +276,8 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
 
     The effects' own columns, on a record of the step: eqs. (3) (19) (25) stand where they stand.
     """
-    instant = INSTANT * times[0]
+    # Length of the step, as a share of the first time drawn
+    instant = 1e-6 * times[0]
     T0 = fitted.reference_temperature_
     seconds = np.concatenate(([0.0, instant], instant + times))
     name = fitted.features_.history_.record.temperature_name
@@ -323,23 +297,18 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
     return result
 
 
-class SpectrumDisplay:
+@dataclass(eq=False)
+class SpectrumDisplay(Display):
     """Coefficient of each lag over its time constant, 95 % intervals of both, and the whole spectrum mu(tau) below.
 
     The spectrum is that of the search for time constants, over its whole pool. Grey is what the record could not have
     seen: coefficients below twice their standard error, were each the only lag and the residuals white.
-
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(self, lags: pd.DataFrame, spectrum: pd.DataFrame | None, unit: str, samples: bool = False):
-        self.lags = lags
-        self.spectrum = spectrum
-        self.unit = unit
-        self.samples = samples
+    lags: pd.DataFrame
+    spectrum: pd.DataFrame | None
+    unit: str
+    samples: bool = False
 
     @classmethod
     def from_estimator(cls, model: Any) -> SpectrumDisplay:
@@ -381,7 +350,7 @@ class SpectrumDisplay:
         """
         return self.lags.copy()
 
-    def plot(self, ax: Any = None) -> SpectrumDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw; `ax` may be one Axes, whose place is divided where there is a spectrum, or two."""
         rows = 1 if self.spectrum is None else 2
         axes = axes_grid(ax, rows, size=(7.0, 2.9 * rows), sharex=True)[:, 0]
@@ -416,8 +385,7 @@ class SpectrumDisplay:
         label_values(top.yaxis, "coefficient", self.unit)
         if self.spectrum is not None:
             label_values(axes[1].yaxis, r"spectrum $\mu(\tau)$", self.unit)
-        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
-        return self
+        return self._drawn(axes, top)
 
     def _vague(self) -> np.ndarray:
         """Which time constants the record does not determine; none where nobody has asked."""
@@ -452,21 +420,13 @@ def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame |
 
 
 PALE = "#B8C4CE"
-SMALLEST = 0.0005
-"""Share below which a quantity gets no bar: it would print as 0.0 %."""
 
 
-class BudgetDisplay:
-    """Horizontal bars: each quantity's share of the variance, declared ones (type B) paler.
+@dataclass(eq=False)
+class BudgetDisplay(Display):
+    """Horizontal bars: each quantity's share of the variance, declared ones (type B) paler."""
 
-    Attributes
-    ----------
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
-    """
-
-    def __init__(self, budget: Budget):
-        self.budget = budget
+    budget: Budget
 
     @classmethod
     def from_budget(cls, budget: Budget) -> BudgetDisplay:
@@ -477,13 +437,14 @@ class BudgetDisplay:
         """The budget's table, the largest share first."""
         return self.budget.frame().sort_values("share", ascending=False, ignore_index=True)
 
-    def plot(self, ax: Any = None) -> BudgetDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         frame = self.frame()
-        shown = frame[frame["share"] >= SMALLEST]
+        # Share below which a quantity gets no bar: it would print as 0.0 %
+        shown = frame[frame["share"] >= 0.0005]
         axes = axes_grid(ax, size=(8.0, 1.5 + 0.42 * max(len(shown), 1)))[0]
         only = axes[0]
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
+        self._drawn(axes, only)
         only.set_title(self.budget.result(), loc="left", fontsize=10)
         percent = 100 * shown["share"]
         colors = [BLUE if kind == "A" else PALE for kind in shown["type"]]

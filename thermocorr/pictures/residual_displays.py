@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from itertools import repeat
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,7 @@ from .axes import (
     ORANGE,
     SHADE,
     VERMILION,
+    Display,
     TimeLine,
     Walk,
     axes_grid,
@@ -37,12 +39,12 @@ from .axes import (
     stretches,
     with_breaks,
 )
-from .words import DiagnosisLike
 
 TRACES = ("measured", "modelled", "residual")
 
 
-class ResidualsDisplay:
+@dataclass(eq=False)
+class ResidualsDisplay(Display):
     """Measured, modelled and corrected readings over time, residuals below, failing stretches shaded.
 
     Make it with `from_estimator`. Records of more than 4000 rows are drawn in 2000 cells of
@@ -54,25 +56,16 @@ class ResidualsDisplay:
         After `plot`: upper axes, both axes, figure.
     """
 
-    def __init__(
-        self,
-        cells: pd.DataFrame,
-        timeline: TimeLine,
-        name: str,
-        unit: str,
-        failing: list[tuple[float, float]] | None = None,
-        noise_floor: float | None = None,
-    ):
-        self.cells = cells
-        self.timeline = timeline
-        self.name = name
-        self.unit = unit
-        self.failing = failing or []
-        self.noise_floor = noise_floor
+    cells: pd.DataFrame
+    timeline: TimeLine
+    name: str
+    unit: str
+    failing: list[tuple[float, float]] = field(default_factory=list)
+    noise_floor: float | None = None
 
     @classmethod
     def from_estimator(
-        cls, model: Any, X: Any, y: Any, diagnosis: DiagnosisLike | None = None, *, uncertainty: bool = False
+        cls, model: Any, X: Any, y: Any, diagnosis: Any = None, *, uncertainty: bool = False
     ) -> ResidualsDisplay:
         """Create it from a fitted model and a record of any length, in one pass and bounded memory.
 
@@ -81,7 +74,7 @@ class ResidualsDisplay:
         model : DynamicBiasRegressor
             Fitted; or a search with a ``best_estimator_``.
         X, y : as for `DynamicBiasRegressor.evaluate_blocks`
-        diagnosis : DiagnosisLike, optional
+        diagnosis : Diagnosis, optional
             Of the same model and record: its worst stretches of time are shaded, its noise floor is drawn.
         uncertainty : bool, default False
             Draw a band around the residuals that holds 95 % of them, from ``predict(X, return_std=True)``.
@@ -117,7 +110,7 @@ class ResidualsDisplay:
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> ResidualsDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw; `ax` may be one Axes, whose place is divided, or two."""
         axes = axes_grid(ax, 2, size=(9.0, 5.4), sharex=True, height_ratios=(3, 2))[:, 0]
         top, bottom = axes
@@ -151,29 +144,21 @@ class ResidualsDisplay:
         legend_above(top)
         legend_above(bottom, fontsize="small")
         top.figure.align_ylabels(axes)
-        self.axes_, self.ax_, self.figure_ = axes, top, top.figure
-        return self
+        return self._drawn(axes, top)
 
 
-FINE_CELLS = 20_000
-"""Cells of time while a record passes."""
 MERGED = (200, 100, 50, 20, 10, 5, 2)
 """Cells that are averaged into one: the first of these numbers that keeps the swings of the temperature."""
-KEPT = 0.98
-"""Share of the temperature's standard deviation that averaging must keep."""
 FEWEST = 250
 """Merging ends before fewer averages than this are left: these can be followed by eye."""
 FAINT = "0.72"
-FOLLOWED = 1200
-"""Most averages between which the path is drawn."""
 BINS = 15
 """Bins of temperature of the curves for heating and cooling."""
-LEAST_AVERAGES = 3
-"""A bin of fewer averages has no mean."""
 NAMES = ("temperature", "residual")
 
 
-class ResidualLoopDisplay:
+@dataclass(eq=False)
+class ResidualLoopDisplay(Display):
     """Residual against temperature: a loop is a lag or a hysteresis that the model does not have.
 
     Long records are averaged over stretches of time that are short beside the swings of the temperature, so that
@@ -184,17 +169,16 @@ class ResidualLoopDisplay:
     ----------
     curves : DataFrame
         Temperature (middle of a bin), and mean residual while it rises (heating) and falls (cooling).
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(self, cells: pd.DataFrame, timeline: TimeLine, temperature: str, temperature_unit: str, unit: str):
-        self.cells = cells
-        self.timeline = timeline
-        self.temperature = temperature
-        self.temperature_unit = temperature_unit
-        self.unit = unit
-        self.curves = _curves(cells)
+    cells: pd.DataFrame
+    timeline: TimeLine
+    temperature: str
+    temperature_unit: str
+    unit: str
+
+    def __post_init__(self) -> None:
+        self.curves = _curves(self.cells)
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any) -> ResidualLoopDisplay:
@@ -211,7 +195,8 @@ class ResidualLoopDisplay:
             (part.segment, part.seconds, np.column_stack((part.temperature, part.measured - part.modelled)))
             for part in walk.parts()
         )
-        fine = cells_of(walk.timeline, NAMES, walk.n_rows, parts, FINE_CELLS)
+        # Cells of time while a record passes
+        fine = cells_of(walk.timeline, NAMES, walk.n_rows, parts, 20_000)
         reading = walk.model.reading_
         cells = _merged(fine, walk.timeline)
         return cls(cells, walk.timeline, walk.temperature_name, reading.temperature_unit, reading.unit)
@@ -220,12 +205,13 @@ class ResidualLoopDisplay:
         """The numbers drawn: time, segment, seconds, n, mean temperature and residual of each stretch."""
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> ResidualLoopDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         axes = axes_grid(ax, size=(7.4, 4.8))[0]
         only = axes[0]
         spaced = with_breaks(self.cells, self.timeline)[1]
-        followed = {"lw": 0.6, "marker": "."} if len(self.cells) <= FOLLOWED else {"lw": 0, "marker": "."}
+        # Most averages between which the path is drawn
+        followed = {"lw": 0.6, "marker": "."} if len(self.cells) <= 1200 else {"lw": 0, "marker": "."}
         only.plot(spaced["temperature"], spaced["residual"], color=FAINT, ms=3, label="in order of time", **followed)
         only.axhline(0.0, color="0.4", lw=0.8)
         if len(self.curves):
@@ -238,8 +224,7 @@ class ResidualLoopDisplay:
         averaged = "residual, averages" if (self.cells["n"] > 1).any() else "residual"
         label_values(only.yaxis, averaged, self.unit)
         legend_above(only)
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        return self
+        return self._drawn(axes, only)
 
 
 def _merged(fine: pd.DataFrame, timeline: TimeLine) -> pd.DataFrame:
@@ -252,7 +237,8 @@ def _merged(fine: pd.DataFrame, timeline: TimeLine) -> pd.DataFrame:
         averages = _averaged(fine, factor)
         weights = averages["n"] / averages["n"].sum()
         mean = float(np.sum(weights * averages["temperature"]))
-        if np.sqrt(np.sum(weights * (averages["temperature"] - mean) ** 2)) >= KEPT * spread:
+        # Share of the temperature's standard deviation that averaging must keep
+        if np.sqrt(np.sum(weights * (averages["temperature"] - mean) ** 2)) >= 0.98 * spread:
             averages.insert(0, "time", timeline.times(averages["seconds"].to_numpy()))
             return averages
     return fine[["time", "segment", "seconds", "n", *NAMES]]
@@ -283,17 +269,11 @@ def _curves(cells: pd.DataFrame) -> pd.DataFrame:
     for name, chosen in (("heating", change > 0), ("cooling", change < 0)):
         weight = np.where(chosen, cells["n"], 0.0)
         count = np.bincount(number, weight, BINS)
-        sure = np.bincount(number, chosen, BINS) >= LEAST_AVERAGES
+        # A bin of fewer averages has no mean
+        sure = np.bincount(number, chosen, BINS) >= 3
         with np.errstate(invalid="ignore"):
             curves[name] = np.where(sure, np.bincount(number, weight * cells["residual"], BINS) / count, np.nan)
     return pd.DataFrame(curves)
-
-
-WORTH_A_WORD = 1.05
-"""Allan deviation after over before, from which the correction adds noise: ten per cent of the variance."""
-KNOWN = 30
-"""Degrees of freedom from which the two are compared: their ratio is known far better than either, since they share
-their noise."""
 
 
 def added_noise(model: Any, X: Any, y: Any) -> str:
@@ -322,7 +302,10 @@ def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
-    worse = (ratio > WORTH_A_WORD) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= KNOWN)
+    # Allan deviation after over before, from which the correction adds noise: ten per cent of the variance
+    # Degrees of freedom from which the two are compared: their ratio is known far better than either, since they share
+    # their noise
+    worse = (ratio > 1.05) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= 30)
     if not worse.any():
         return ""
     at = int(np.argmax(np.where(worse, ratio, 0.0)))
@@ -358,11 +341,10 @@ def _loudest(model: Any, X: Any, n_rows: float) -> str:
 
 LOOKED_AT = 1 << 14
 """Rows whose steps are looked at."""
-UNEVEN = 1.5
-"""Step that nine in ten do not exceed, over the usual one, above which steps differ much."""
 
 
-class AllanDisplay:
+@dataclass(eq=False)
+class AllanDisplay(Display):
     """Overlapping Allan deviation of the reading before and after correction, with confidence bands.
 
     The dashed line is what white noise alone would give, from the corrected reading's shortest averaging time. Where a
@@ -372,25 +354,14 @@ class AllanDisplay:
     Attributes
     ----------
     before, after : AllanDeviation
-    ax_, axes_, figure_ : of matplotlib
-        After `plot`.
     """
 
-    def __init__(
-        self,
-        before: AllanDeviation,
-        after: AllanDeviation,
-        name: str,
-        unit: str,
-        confidence: float = 0.95,
-        samples: bool = False,
-    ):
-        self.before = before
-        self.after = after
-        self.name = name
-        self.unit = unit
-        self.confidence = confidence
-        self.samples = samples
+    before: AllanDeviation
+    after: AllanDeviation
+    name: str
+    unit: str
+    confidence: float = 0.95
+    samples: bool = False
 
     @classmethod
     def from_estimator(
@@ -436,7 +407,7 @@ class AllanDisplay:
         ]
         return pd.concat(frames, axis=1).reset_index().rename(columns={"averaging_times": "averaging_time"})
 
-    def plot(self, ax: Any = None) -> AllanDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw in `ax`, or in a new figure."""
         axes = axes_grid(ax, size=(7.0, 4.6))[0]
         only = axes[0]
@@ -459,8 +430,7 @@ class AllanDisplay:
         log_time_axis(only, "averaging time", self.samples)
         label_log_values(only.yaxis, f"Allan deviation of {self.name}", self.unit)
         legend_above(only)
-        self.axes_, self.ax_, self.figure_ = axes, only, only.figure
-        return self
+        return self._drawn(axes, only)
 
 
 def cell_length(record: Record) -> float:
@@ -469,7 +439,8 @@ def cell_length(record: Record) -> float:
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
     steps = record.times.steps(rows)[1:]
     usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
-    return wide if wide > UNEVEN * usual else usual
+    # Step that nine in ten do not exceed, over the usual one, above which steps differ much
+    return wide if wide > 1.5 * usual else usual
 
 
 def _ends(walk: Walk) -> tuple[float, float]:

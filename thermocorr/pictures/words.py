@@ -1,11 +1,11 @@
-"""What pictures and pages read of a diagnosis and a refinement, which are made on a floor above."""
+"""Words that pictures and pages have in common."""
 
 from __future__ import annotations
 
 import re
 import textwrap
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,80 +16,7 @@ from ..estimators.tables import VERDICTS
 from ..records.errors import printable
 from ..records.numbers import UNKNOWN, Scale, quantity_text, span_text, span_texts
 
-
-class DiagnosisLike(Protocol):
-    """What is shown of a `thermocorr.Diagnosis`, where each of these is explained."""
-
-    @property
-    def verdict(self) -> str: ...  # noqa: D102
-
-    @property
-    def noise_floor(self) -> float: ...  # noqa: D102
-
-    @property
-    def explainable(self) -> float: ...  # noqa: D102
-
-    @property
-    def where(self) -> pd.DataFrame: ...  # noqa: D102
-
-    @property
-    def ranking(self) -> pd.DataFrame: ...  # noqa: D102
-
-    @property
-    def suspects(self) -> tuple[Any, ...]: ...  # noqa: D102
-
-    @property
-    def causes(self) -> tuple[Any, ...]: ...  # noqa: D102
-
-    @property
-    def small(self) -> tuple[Any, ...]: ...  # noqa: D102
-
-    @property
-    def left(self) -> Any: ...  # noqa: D102
-
-    @property
-    def best(self) -> Any: ...  # noqa: D102
-
-    @property
-    def residual_rms(self) -> float: ...  # noqa: D102
-
-    @property
-    def unit(self) -> str: ...  # noqa: D102
-
-    @property
-    def level(self) -> float: ...  # noqa: D102
-
-    @property
-    def data(self) -> Any: ...  # noqa: D102
-
-
-class RefinementLike(Protocol):
-    """What is shown of a `thermocorr.Refinement`, where each of these is explained."""
-
-    @property
-    def steps(self) -> pd.DataFrame: ...  # noqa: D102
-
-    @property
-    def diagnoses(self) -> tuple[DiagnosisLike, ...]: ...  # noqa: D102
-
-    @property
-    def model_(self) -> Any: ...  # noqa: D102
-
-    @property
-    def added(self) -> tuple[Any, ...]: ...  # noqa: D102
-
-    @property
-    def moment(self) -> float | None: ...  # noqa: D102
-
-    @property
-    def untried(self) -> bool: ...  # noqa: D102
-
-
 MINUS = "\u2212"
-YEARLY = 200 * 86_400.0
-"""Span of a record above which dates are written with their year [s]."""
-NOTHING = 1e-9
-"""Share of the other end of a range, below which an end is the rounding of 0."""
 MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
@@ -122,13 +49,15 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
     if row.unit == "date":
         low, high = (pd.Timestamp(value, unit="s").round("s") for value in (row.low, row.high))
         if span:
-            form = "%d %b %Y" if span > YEARLY else "%d %b %H:%M"
+            # Span of a record above which dates are written with their year [s]
+            form = "%d %b %Y" if span > (200 * 86_400.0) else "%d %b %H:%M"
             return low.strftime(form), high.strftime(form)
         return str(low), str(high).removeprefix(f"{low:%Y-%m-%d} ")
     if row.unit == "s":
         first, last = span_texts((row.low, row.high))
         return first, last
-    size = NOTHING * max(abs(row.low), abs(row.high))
+    # Share of the other end of a range, below which an end is the rounding of 0
+    size = 1e-9 * max(abs(row.low), abs(row.high))
     least, most = (f"{0.0 if abs(end) < size else end:.4g}".replace("-", MINUS) for end in (row.low, row.high))
     return least, most
 
@@ -328,10 +257,6 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     return said
 
 
-LEAST_ATTENUATION = 0.002
-"""Relative error of a static gain that is worth a word."""
-
-
 def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
     """What the errors of the thermometers make of the reading, where that is all that wanders, and of the gain."""
     said = []
@@ -346,7 +271,8 @@ def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
                 f"About as much, {scale.text(row.wandering)}, comes from {whose}. A finer "
                 "thermometer, or the mean of several of its readings, would lower it."
             )
-        if abs(row.gain_error) >= LEAST_ATTENUATION:
+        # Relative error of a static gain that is worth a word
+        if abs(row.gain_error) >= 0.002:
             about = f"about {100 * float(f'{abs(row.gain_error):.1g}'):g}%"
             gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
             if row.resolution:
@@ -364,7 +290,7 @@ def share_of_samples(row: Any) -> float:
     return float(row.share / row.lift) if row.lift else np.nan
 
 
-def further_text(refinement: RefinementLike) -> str:
+def further_text(refinement: Any) -> str:
     """The effects of the model that a refinement ends with; empty where nothing was added."""
     if len(refinement.steps) < 2:
         return ""

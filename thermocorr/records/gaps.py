@@ -16,19 +16,8 @@ from .times import Floats
 
 GAP = 2.5
 """Steps, in usual ones, from which what was between is taken for unknown."""
-OFTEN = 0.95
-"""Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
-the time, in which the temperature is known to have stood still."""
 MOST_ROWS = 200_000
 """Rows of a segment that tell how columns wander, at most."""
-EVEN = 1e-9
-"""Share of a segment's length by which as many usual steps may differ from it: rounding."""
-ALIKE = 0.3
-"""Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared with them."""
-SPANS = 25
-"""Times over which changes are looked at, evenly spaced on a logarithmic scale."""
-SHARE = 1 / 3
-"""Share of the longest segment over which changes are looked at, where no longest gap is known."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +36,10 @@ class Gaps:
         """Learn from a record how its columns wander over times up to the `longest` [s]."""
         usual = record.usual_step()
         if longest is None:
-            longest = SHARE * record.duration(record.longest())
-        counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), SPANS).astype(int))
+            # Share of the longest segment over which changes are looked at, where no longest gap is known
+            longest = (1 / 3) * record.duration(record.longest())
+        # Times over which changes are looked at, evenly spaced on a logarithmic scale
+        counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), 25).astype(int))
         sums, sizes = np.zeros((len(columns), len(counts))), np.zeros(len(counts))
         for segment in record.segments:
             rows = record.kept(segment.start, min(segment.stop, segment.start + MOST_ROWS))
@@ -57,7 +48,9 @@ class Gaps:
             steps[:1] = 0.0
             elapsed = np.cumsum(steps)
             for i, k in enumerate(counts.tolist()):
-                like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= ALIKE * k * usual
+                # Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared
+                # with them
+                like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= 0.3 * k * usual
                 sums[:, i] += [np.square(column[k:] - column[:-k])[like].sum() for column in values]
                 sizes[i] += np.count_nonzero(like)
         seen = sizes > 0
@@ -88,7 +81,9 @@ def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
     if _is_even(record):
         return GAP * usual_step
     some = next(record.blocks()).steps[1:]
-    return max(GAP * usual_step, float(np.quantile(some, OFTEN)) / stride if len(some) else 0.0)
+    # Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
+    # the time, in which the temperature is known to have stood still
+    return max(GAP * usual_step, float(np.quantile(some, 0.95)) / stride if len(some) else 0.0)
 
 
 def longest_gap(record: Record, least: float) -> float:
@@ -109,8 +104,9 @@ def gap_rows(block: Block, least: float) -> np.ndarray:
 def _is_even(record: Record) -> bool:
     """Whether steps can be told to be alike without a look at each."""
     usual = record.usual_step()
+    # Share of a segment's length by which as many usual steps may differ from it: rounding
     return not len(record.skipped) and all(
-        record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + EVEN) for segment in record.segments
+        record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + 1e-9) for segment in record.segments
     )
 
 

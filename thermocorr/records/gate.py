@@ -34,10 +34,6 @@ BELIEVED = 30.0
 MOST_JUMPS, APART, LOUD = 10, 3.0, 5.0
 """Jumps of a fitted input at most that may be there and back again; how far apart they are from its other moves; size
 of the farthest move over the rms one, below which none is looked for."""
-FEW = 3.0
-"""Usual steps that an input may stand still in any case."""
-AGREES = 1e-6
-"""Two courses of the inputs agree that differ by less than this share of the residuals' deviation."""
 AGREED, DOUBTED, BELIEVED_AGAIN = range(3)
 """How an input stands while there are two courses."""
 CHUNK = 1 << 16
@@ -81,7 +77,8 @@ class Motion:
     @property
     def longest_rest(self) -> float:
         """The longest that it may stand still [s]."""
-        return MARGIN * self.rest + FEW * self.step
+        # Usual steps that an input may stand still in any case
+        return MARGIN * self.rest + 3.0 * self.step
 
 
 def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
@@ -291,7 +288,8 @@ class Doubt:
     """
 
     def __init__(self, inputs: int, deviation: float, memory: float):
-        self.inputs, self.agrees, self.memory = inputs, AGREES * deviation, memory
+        # Two courses of the inputs agree that differ by less than this share of the residuals' deviation
+        self.inputs, self.agrees, self.memory = inputs, 1e-6 * deviation, memory
         self.put()
 
     def put(self, state: tuple[tuple[int, ...], float] | None = None) -> None:

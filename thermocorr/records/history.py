@@ -21,8 +21,6 @@ from .segments import Segment, SegmentStart
 from .times import Floats, Kind, Rows, Times
 from .units import other_units
 
-CHUNK = 1 << 16
-"""Rows that are averaged together."""
 _NS = 1_000_000_000
 
 
@@ -156,7 +154,8 @@ class _Looked:
 
 def _chunks(record: Record, segment: Segment, width: int) -> Iterator[tuple[int, int]]:
     """Pieces of a segment, of many stretches of `width` rows each."""
-    size = max(CHUNK // width, 1) * width
+    # Rows that are averaged together
+    size = max((1 << 16) // width, 1) * width
     for low, high in record.stretches(segment):
         for start in range(low, high, size):
             yield start, min(start + size, high)
@@ -194,11 +193,7 @@ class ThinnedLog(RecordLog):
 
 HISTORY_ROWS = 1 << 17
 """Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
-VARY = 0.05
-"""Share of the usual step by which steps differ that vary: more than stamps that are rounded or late by a little."""
 
-PROOFS = 16
-"""Rows of one time that are compared, to tell a fitted record from another log by the same clock."""
 
 State = Any
 
@@ -309,7 +304,8 @@ class History:
         if not len(steps):
             return None
         low, high = np.quantile(steps, (0.05, 0.95)).tolist()
-        return (low, high) if max(high - self.usual_step, self.usual_step - low) > VARY * self.usual_step else None
+        # Share of the usual step by which steps differ that vary: more than stamps that are rounded or late by a little
+        return (low, high) if max(high - self.usual_step, self.usual_step - low) > 0.05 * self.usual_step else None
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
@@ -421,7 +417,8 @@ class History:
         high = bisect_right(range(end), last, begin, key=kept.stamp)
         sides = (kept, low, high), (record, segment.start, segment.stop)
         (one, start, stop), (other, at, until) = sorted(sides, key=lambda side: side[2] - side[1])
-        met, equal, steps = 0, 0, max(PROOFS // len(record.segments), 3) - 1
+        # Rows of one time that are compared, to tell a fitted record from another log by the same clock
+        met, equal, steps = 0, 0, max(16 // len(record.segments), 3) - 1
         for k in sorted({start + (stop - 1 - start) * i // steps for i in range(steps + 1)}) if stop > start else ():
             place = bisect_left(range(until), one.stamp(k), at, key=other.stamp)
             if place < until and other.stamp(place) == one.stamp(k):

@@ -22,10 +22,6 @@ from .types import kind_of
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
 """What may label a run: dates and spans of pandas are dates and spans of Python too."""
-FEW_ROWS = 8
-"""Rows of a run, on average, below which labels are no labels of runs: something else is in their column."""
-FEW_RUNS = 20
-"""So many runs may be as short as they are."""
 _NS = 1_000_000_000
 _FARTHEST = (1 << 63) - 1 - 86_400 * _NS
 """Nanoseconds from 1970: a day before the last date, so that it is one in any zone."""
@@ -59,7 +55,9 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
         count = labels.nunique()
     except (TypeError, ArithmeticError, ValueError):  # what can be no label: the record says so
         return
-    if count > FEW_RUNS and len(labels) < FEW_ROWS * count:
+    # Rows of a run, on average, below which labels are no labels of runs: something else is in their column
+    # So many runs may be as short as they are
+    if count > 20 and len(labels) < 8 * count:
         raise RecordError(
             f"{quoted(column)} has {count} different values in {len(labels)} rows: each run needs many rows. Is it the "
             "right column for the runs?"
@@ -95,8 +93,6 @@ def out_of_reach(label: Any) -> bool:
     return abs(value) > _FARTHEST
 
 
-MOST_WORDS = 8
-"""Words of a column from which it is no state but a text: a comment, a serial number."""
 FEWEST_ROWS = 20
 """Rows in a state, and out of it, below which nothing can be learned of it."""
 
@@ -108,7 +104,8 @@ def states_of(X: Any) -> list[str]:
         if kind_of(X[column]) == "text":
             words = _words(X[column])
             counted = words.value_counts(sort=False)  # in the order of the rows
-            if 2 <= len(counted) <= MOST_WORDS:
+            # Words of a column from which it is no state but a text: a comment, a serial number
+            if 2 <= len(counted) <= 8:
                 names = [
                     f"{column}={word}"
                     for word, rows in counted.items()

@@ -269,12 +269,8 @@ _ENDS = ("", " ", "/", "*", "\u00b7")
 """What may follow a unit with a prefix: m/s, but not m3 nor V^2."""
 _LEAST, _MOST = 0.1, 1e4
 """A number between these reads well in the unit that it came in; smaller ones are written from `_LEAST` on as well."""
-_FAR = 1000.0
-"""So many of the unit of the shortest time span are written in a longer one."""
 UNKNOWN = "-"
 """What stands for NaN."""
-_MORE = 4
-"""Digits at most that are added to tell numbers apart."""
 
 
 _UNITS = {"degC": "°C", "degF": "°F", "ohm": "Ω", "u": "µ"}
@@ -421,7 +417,8 @@ def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
     given = [float(value) for value in seconds]
     sizes = [abs(value) for value in given if math.isfinite(value) and value]
     scale = _span_scale(min(sizes, default=0.0), digits)
-    if scale.factor * max(sizes, default=0.0) > _FAR:
+    # So many of the unit of the shortest time span are written in a longer one
+    if scale.factor * max(sizes, default=0.0) > 1000.0:
         return [span_text(value, digits) for value in given]
     return _told_apart(given, scale, digits)
 
@@ -441,7 +438,8 @@ def _span_scale(seconds: float, digits: int) -> Scale:
 def _told_apart(values: list[float], scale: Scale, digits: int) -> list[str]:
     """Numbers in one unit, with so many digits, or a few more, that those differ that are different."""
     different = {value for value in values if math.isfinite(value)}
-    enough = (n for n in range(digits, digits + _MORE) if len({scale.text(v, n) for v in different}) == len(different))
+    # Digits at most that are added to tell numbers apart
+    enough = (n for n in range(digits, digits + 4) if len({scale.text(v, n) for v in different}) == len(different))
     digits = next(enough, digits)
     return [scale.text(value, digits) for value in values]
 

@@ -24,12 +24,6 @@ from .types import kind_of
 
 GAP_STEPS = 10.0
 """A step of more than so many usual ones is a gap, where there is no `max_gap`."""
-SHUFFLED = 0.2
-"""Share of the steps that go back in time, from which the rows have no order: shuffled ones have half."""
-FEWEST_ORDERED = 50
-"""Rows of a record without times from which it shows whether they have an order."""
-ALONE = 0.9
-"""Share of the steps that are longer than `max_gap`, from which rows stand alone and nothing can be learned."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -138,7 +132,8 @@ def check_order(record: Record, layout: Layout) -> None:
     RecordError says what to do.
     """
     segment = record.longest()
-    if layout.sampling_period is None or record.times.kind != "rows" or segment.n_rows < FEWEST_ORDERED:
+    # Rows of a record without times from which it shows whether they have an order
+    if layout.sampling_period is None or record.times.kind != "rows" or segment.n_rows < 50:
         return
     rows = record.kept(segment.start, min(segment.stop, segment.start + _CHUNK))
     T = np.asarray(record.columns[record.temperature_name][rows], float)
@@ -164,7 +159,8 @@ def check_max_gap(record: Record, layout: Layout) -> None:
     parts = [record.kept_places(start, min(stop, start + _CHUNK)) for start, stop, _ in record.segments[:_CHUNK]]
     steps = record.times.steps(record.rows_at(np.concatenate(parts)[:_CHUNK]))[1:]
     steps = steps[steps > 0]
-    if len(steps) and (steps > most).mean() >= ALONE:
+    # Share of the steps that are longer than `max_gap`, from which rows stand alone and nothing can be learned
+    if len(steps) and (steps > most).mean() >= 0.9:
         usual = float(np.median(steps))
         raise ValueError(
             f"The 'max_gap' parameter must be longer than the usual step between rows, which is {span_text(usual)}: "
@@ -350,7 +346,8 @@ def _check_steps(
             continue
         bad = inside & (steps <= 0)
         if bad.any():
-            shuffled = bad.sum() > SHUFFLED * inside.sum() and not bad.all()
+            # Share of the steps that go back in time, from which the rows have no order: shuffled ones have half
+            shuffled = bad.sum() > 0.2 * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
         limit = max_gap

@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..equations.looks import are_apart, steps_between
 from .errors import RecordError, option, quoted, way
 from .grammar import LARGEST, number
 from .types import kind_of
@@ -115,8 +114,6 @@ EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 """Unit of Unix times -> how many are a second."""
 LARGEST_SECONDS = 1e10
 """Numbers from here on are no seconds of a log: 300 years."""
-SEVERAL = 3
-"""Times that are judged together at least: a single one, of a sample that just came, may be damaged."""
 
 
 def unix_unit(low: float, high: float) -> str | None:
@@ -155,7 +152,8 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
     `numbers` (array of shape (n_rows,)). `where` (str): What they are, in words. `first_row` (int): Number of the
     first of them in its log.
     """
-    if len(numbers) < SEVERAL:
+    # Times that are judged together at least: a single one, of a sample that just came, may be damaged
+    if len(numbers) < 3:
         return
     begins = f"{where} is {numbers[0]:.0f} in row {first_row}, and so on:"
     unit = unix_unit(float(numbers.min()), float(numbers.max()))
@@ -361,7 +359,7 @@ class Times:
         if not isinstance(rows, slice) or self.__dict__.get("_even_ticks") is None:
             steps = np.empty(len(ticks))
             if self._close:
-                steps_between(ticks, self.per_second, steps[1:])
+                np.divide(ticks[1:] - ticks[:-1], self.per_second, out=steps[1:])
             else:
                 np.divide(difference(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
         else:
@@ -384,7 +382,7 @@ class Times:
         if not 0 < step < _FAR or (isinstance(step, int) and last - first != step * (self.n - 1)):
             return None
         chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
-        return step if all(are_apart(chunk, step) for chunk in chunks) else None
+        return step if all((np.diff(chunk) == step).all() for chunk in chunks) else None
 
     @cached_property
     def longest_between_rows(self) -> float:
@@ -468,18 +466,15 @@ class Times:
         return str(pd.Timestamp(int(self.stamp(row))))
 
 
-PUT_BACK = (3600.0, 1800.0)
-"""How far clocks are put back when summer time ends [s]: by half an hour on Lord Howe Island."""
-
-
 def steps_back_an_hour(back: float, usual: float) -> bool:
     """Whether local times step back because summer time ends: by an hour less the step between rows, or by an hour.
 
     `back`, `usual` (float): The step back, positive, and the usual step between rows [s].
     """
+    # How far clocks are put back when summer time ends [s]: by half an hour on Lord Howe Island
     return any(
         back == hour - usual or (hour - 1.5 * usual <= back <= hour + 0.5 * usual and usual <= hour / 4)
-        for hour in PUT_BACK
+        for hour in (3600.0, 1800.0)
         if back > 0
     )
 

@@ -176,8 +176,6 @@ def _behind_slash(text: str, name: str, behind: str) -> str:
 
 MARGIN = 20.0
 """So far beyond the fitted range, in the other unit, a temperature may still be one of it [K]."""
-FIRST_ROWS = 1 << 16
-"""Rows at most whose median tells the unit of a record."""
 ENOUGH = 5
 """Temperatures that tell their unit together: fewer may be damaged ones, which are flagged."""
 _OFFSETS = ((273.15, "kelvin where degC was fitted"), (-273.15, "degC where kelvin was fitted"))
@@ -218,5 +216,6 @@ def unit_told_by(value: float, units: tuple[OtherUnit, ...]) -> str:
 def first_median(record: Record, thermometer: Any) -> float:
     """Median of a temperature over the first rows of a record, which tells its unit."""
     first = record.segments[0]
-    rows = record.kept(first.start, min(first.stop, first.start + FIRST_ROWS))
+    # Rows at most whose median tells the unit of a record
+    rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
     return float(np.nanmedian(record.columns[thermometer][rows]))

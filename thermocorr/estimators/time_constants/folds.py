@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import comb
 from numbers import Integral
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from ...effects import InitialTransient, ThermalLag
 from ...effects.covariates import ColumnLags
 from ...effects.protocol import Effect
 from ...equations import TriangularFactor
-from ...equations.subsets import Fold, all_set_errors, fold_of, set_errors
+from ...equations.subsets import Fold, fold_of, set_errors
 from ...records import Record, Segment
 from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
@@ -26,10 +26,6 @@ from .spectrum import DECAY_SHARE, GridLayout, grown
 
 MOST_SEGMENTS = 8
 """With more segments, each has a few decays of its own that are taken out, not one for each time constant tried."""
-N_STARTS = 4
-"""How many: decays of neighbouring time constants are much alike."""
-FASTEST_START = 2.0
-"""The fastest of them, in sampling steps."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,9 @@ class LagColumns:
         fitted, many = features.initial_state == "fit", bool(further) or len(record.segments) > MOST_SEGMENTS
         transient = InitialTransient(taus, DECAY_SHARE if fitted and not many else 0.0)
         span = record.longest_read()
-        few = np.geomspace(FASTEST_START * record.usual_step(), max(span, record.usual_step()), N_STARTS)
+        # How many: decays of neighbouring time constants are much alike
+        # The fastest of them, in sampling steps
+        few = np.geomspace(2.0 * record.usual_step(), max(span, record.usual_step()), 4)
         starts = InitialTransient(few.tolist(), DECAY_SHARE if fitted and many else 0.0)
         for effect in (lag, *further, transient, starts):
             effect.learn(record)
@@ -96,11 +94,6 @@ class LagColumns:
         """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold."""
         return sweep_effects(record, effects, edges, self.taken_out)
 
-
-MAX_STRETCHES = 400
-"""More stretches than this are not blocks in time but shuffled rows."""
-WASHOUT_SHARE = 0.01
-"""Washout between training and test, as a share of the record."""
 
 Ranges = list[tuple[int, int]]
 
@@ -166,7 +159,8 @@ def folds_in_time(record: Record, cv: Any = 5) -> TimeFolds:
     tested rows that close`. `behind the start of a run of which nothing was learned.`.
     """
     if isinstance(cv, Integral) and not isinstance(cv, bool):
-        gap = round(WASHOUT_SHARE * record.longest_read() / record.usual_step())
+        # Washout between training and test, as a share of the record
+        gap = round(0.01 * record.longest_read() / record.usual_step())
         pairs = [_washed(record, learned, tested, gap) for learned, tested in _forward(record, int(cv))]
     else:
         pairs = _of_splitter(record, cv)
@@ -208,7 +202,8 @@ def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:
     for learned, tested in splits:
         sides = [_ranges(np.asarray(side) if position is None else position[side]) for side in (learned, tested)]
         count = len(sides[0]) + len(sides[1])
-        if count > MAX_STRETCHES:
+        # More stretches than this are not blocks in time but shuffled rows
+        if count > 400:
             raise ValueError(
                 f"The folds of {cv!r} cut the record into {count} pieces: their rows are shuffled, so that training "
                 "and test share neighbours in time. Use whole stretches: TimeSeriesSplit, KFold without shuffling, or "
@@ -334,26 +329,13 @@ class CrossValidation:
     def exhaustive(self, candidates: Sequence[int], max_count: int, alpha: float) -> list[Set]:
         """Best set of each size among all sets; the errors of the `KEPT` best of each are kept."""
         members = np.array(candidates)
-        groups = self.groups[members]
-        max_count = min(max_count, len(members))
-
-        made: list[list[Any]] = [[] for _ in range(max_count)]
-        errors: list[list[np.ndarray]] = [[] for _ in range(max_count)]
-        for number, fold in enumerate(self.prepared(alpha)):
-            found: list[list[np.ndarray]] = [[] for _ in range(max_count)]
-            for sets, losses in all_set_errors(fold, groups, max_count):
-                found[sets.shape[1] - 1].append(losses)
-                if number == 0:
-                    made[sets.shape[1] - 1].append(sets)
-            for own, parts in zip(errors, found, strict=True):
-                own.append(np.concatenate(parts))
         path: list[Set] = []
-        for size, sets in enumerate(map(np.concatenate, made)):
-            losses = np.sqrt(np.array(errors[size]).T)
+        for size in range(1, min(max_count, len(members)) + 1):
+            sets = members[np.array(list(combinations(range(len(members)), size)))]
+            losses = np.sqrt(set_errors(self.prepared(alpha), self.groups[sets].reshape(len(sets), -1)))
             order = np.argsort(losses.mean(axis=1), kind="stable")[:KEPT]
-            for i in order:
-                self.losses[alpha, tuple(members[sets[i]].tolist())] = losses[i]
-            path.append(tuple(members[sets[order[0]]].tolist()))
+            self.losses.update(((alpha, tuple(sets[i].tolist())), losses[i]) for i in order)
+            path.append(tuple(sets[order[0]].tolist()))
         return path
 
 

@@ -69,14 +69,6 @@ def check_alphas(alphas: Any) -> None:
 
 
 METHODS = ("spectrum", "cross_validation")
-MOST_TRIED = 6
-"""Most time constants that cross-validation tries."""
-FAST_SHARE = 1 / 200
-"""Time constants up to this share of the record are fast: any stretch has seen many of their lives."""
-MOST_FAST = 3
-"""Fast time constants that may join the projected ones."""
-SLOW_SHARE = 1 / 50
-"""Time constants above this share of the record are slow."""
 WORTH = 0.01
 """Share of what is left that a slow one must explain. Those that a thermometer's noise (0.1 K) brings in explain up to
 1.1 %. The gain of 36 devices is wrong by 0.18 % on the average with this, by 0.43 % without, by 0.7 and 2.2 % at most
@@ -85,8 +77,6 @@ eight measured records explains 0.1 %, 1.2 %, 3 %, and 5 to 50 %: only the first
 change by less than 0.3 % (`benchmarks/real_records.py`)."""
 EXHAUSTIVE_LIMIT = 20_000
 """Up to this many sets, cross-validation tries them all; beyond, forward steps with exchanges."""
-ALPHAS_PER_ROW = (0.0, 1e-8, 1e-6, 1e-4)
-"""Ridge penalties that are tried when none are given, per reading."""
 
 
 @dataclass(frozen=True)
@@ -237,8 +227,10 @@ def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, al
     Only fast ones: any stretch of a record has seen many of their lives, and forecasts are safe.
     """
     grid = factored.layout.grid
-    fast = [i for i in range(len(grid)) if grid[i] <= FAST_SHARE * factored.layout.span]
-    for _ in range(MOST_FAST):
+    # Time constants up to this share of the record are fast: any stretch has seen many of their lives
+    fast = [i for i in range(len(grid)) if grid[i] <= (1 / 200) * factored.layout.span]
+    # Fast time constants that may join the projected ones
+    for _ in range(3):
         now = cross.score_sets([members], alpha)[0]
         more = [tuple(sorted((*members, i))) for i in fast if i not in members]
         if not more:
@@ -261,7 +253,8 @@ def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
     layout = factored.layout
     if factored.columns.starts.decays_:
         return members
-    slow = [i for i in members if layout.grid[i] > SLOW_SHARE * layout.span]
+    # Time constants above this share of the record are slow
+    slow = [i for i in members if layout.grid[i] > (1 / 50) * layout.span]
 
     def left(some: Set) -> float:
         columns = [*range(layout.n_free), *layout.columns(some), factored.whole.r.shape[1] - 1]
@@ -283,8 +276,9 @@ def _by_cross_validation(
 ) -> TimeConstantChoice:
     """The set and the ridge penalty with the least error on stretches of time that they did not see."""
     n = factored.reading.n_readings
+    # Ridge penalties that are tried when none are given, per reading
     alphas = sorted(
-        [alpha * n for alpha in ALPHAS_PER_ROW]
+        [alpha * n for alpha in (0.0, 1e-8, 1e-6, 1e-4)]
         if isinstance(settings.alphas, str)
         else np.atleast_1d(np.asarray(settings.alphas, float)).tolist()
     )
@@ -297,7 +291,8 @@ def _by_cross_validation(
         best = _best_of_each_size(cross, sets, alphas)
     else:
         candidates = list(range(len(grid)))
-        most = settings.count or MOST_TRIED
+        # Most time constants that cross-validation tries
+        most = settings.count or 6
         exhaustive = count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT
         path = (cross.exhaustive if exhaustive else cross.greedy)(candidates, most, alphas[0])
         if settings.count is not None:
@@ -506,10 +501,6 @@ DIFFERENCE = 1e-4
 MAX_PASSES = 8
 CONVERGED = 1e-3
 """A step in ln tau below which nothing is moved any more."""
-SMALLEST_GAIN = 1e-6
-"""Relative gain of the residual sum of squares below which nothing is moved any more."""
-DAMPINGS = (0.003, 0.03, 0.3)
-"""Dampings of a step, relative to the sensitivities; the next is tried where one makes the fit worse."""
 LONGEST_STEP = 0.5
 """Longest step in ln tau."""
 
@@ -614,7 +605,8 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
     """Move the time constants to the least residual sum of squares, by steps that never increase it."""
     for _ in range(MAX_PASSES):
         there = None
-        for damping in DAMPINGS:
+        # Dampings of a step, relative to the sensitivities; the next is tried where one makes the fit worse
+        for damping in (0.003, 0.03, 0.3):
             step = here.step(alpha, damping)
             if np.abs(step).max(initial=0.0) < CONVERGED:
                 break
@@ -628,7 +620,8 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
             break
         gain = 1 - there.residual_sum_of_squares / here.residual_sum_of_squares
         here = there
-        if gain < SMALLEST_GAIN:
+        # Relative gain of the residual sum of squares below which nothing is moved any more
+        if gain < 1e-6:
             break
     return here
 

@@ -24,8 +24,6 @@ from ...equations import TriangularFactor
 from ...records import RecordError
 
 POOL_SIZE = 25
-FASTEST = 0.5
-"""Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag."""
 N_BLOCKS = 20
 DECAY_SHARE = 1 / 25
 """Decay columns only for time constants up to this share of the record: slower ones look like drift or ageing."""
@@ -36,12 +34,8 @@ PENALTIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 GRID_STEP = 0.33
 LEARNED_SHARES = tuple(cut / N_BLOCKS for cut in range(8, 17))
 """Shares of the record after which a forecast starts."""
-HORIZON = 3 / 7
-"""Length of a forecast over that of its past: learn on 70 %, use on 30 %."""
 TOLERANCE = 0.003
 """Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
-MAX_COUNT = 8
-"""Most time constants of one thermometer."""
 MAX_EXCHANGES = 8
 LARGEST_ALPHA = 1e-4
 """Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
@@ -107,7 +101,8 @@ class GridRidge:
 def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
     """Time constants from two sampling steps to the length of the record [s], and one of less than a step."""
     low = 2 * usual_step
-    return np.append(FASTEST * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
+    # Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag
+    return np.append(0.5 * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
 
 
 def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
@@ -173,7 +168,8 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> n
     for cut in sorted({max(1, round(share * n_blocks)) for share in LEARNED_SHARES}):
         learned.merge(*blocks[done:cut])
         done = cut
-        future = [block for block in blocks[cut : cut + max(2, round(HORIZON * cut))] if block.n_rows]
+        # Length of a forecast over that of its past: learn on 70 %, use on 30 %
+        future = [block for block in blocks[cut : cut + max(2, round((3 / 7) * cut))] if block.n_rows]
         if not future or learned.n_rows <= 2 * layout.n_free:
             continue
         test = TriangularFactor.merged(future)
@@ -218,7 +214,8 @@ def project(records: Sequence[Projected], count: int | None = None) -> list[tupl
     if count is None and total <= limit:
         return path
     chosen: tuple[int, ...] = ()
-    most = MAX_COUNT * len(records[0].layout.deviations)
+    # Most time constants of one thermometer
+    most = 8 * len(records[0].layout.deviations)
     for _ in range(min(count or most, len(candidates))):
         chosen = grown(chosen, candidates, best, -1e-12 * total)
         path.append(chosen)

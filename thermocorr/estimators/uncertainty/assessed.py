@@ -27,9 +27,6 @@ MEMORIES = 5.0
 """Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
 """Wandering share of the residual variance from which, without a diagnosis, a model counts as incomplete."""
-EXTRAPOLATED = 0.1
-"""Share of the variance of a corrected reading from which it is outside the fitted range, though the measured
-temperature is inside: a part of the device is not."""
 
 HIDDEN_DRIFT = (
     "in the fitted record a drift passes for what the model has, and a forecast goes wrong by it (diagnosis.left says "
@@ -85,7 +82,9 @@ def uncertainty_of(
         inputs[rows] = record.input_variance(rows)
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
-        outside = errors.extrapolation > EXTRAPOLATED * errors.of_readings(noise)
+        # Share of the variance of a corrected reading from which it is outside the fitted range, though the measured
+        # temperature is inside: a part of the device is not
+        outside = errors.extrapolation > 0.1 * errors.of_readings(noise)
         flags[flags.are("") & outside] = "outside fitted range"
         flags[flags.are("")] = fine
         status[rows] = flags

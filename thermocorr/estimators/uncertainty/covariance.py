@@ -27,31 +27,10 @@ from ..fused import Binned, binned_columns
 from ..screening import evenness
 from ..time_constants.folds import MOST_SEGMENTS
 
-LONGEST = 1.0
-"""Longest correlation time, as a share of the record: random walks are slower than any. Readings in a random walk are
-covered in 93, 99, 100 % with 0.5, 1, 2; where the noise remembers a quarter of the record they are stated 1.0 times as
-uncertain as they are with 0.5, 1.4 times with 2 (time constants given):
-`python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
-SLOPES = (-0.5, 0.0, 0.5)
-"""Mixed kinds of wandering: variances of the parts go with this power of their correlation time; 0 is flicker noise."""
-TURNS = 8
-"""Most rounds of coefficients, noise and priors with all parts free, before the models are averaged."""
-SETTLED = 0.01
-"""Change of the noise's power in any band, and of the priors, from one round to the next, below which no more follows.
-It moves uncertainties by less than 0.13 % on the average of twelve records, in each of eleven kinds of noise."""
-AVERAGED_TURNS = 3
-"""Rounds with the average."""
-ROUNDS = 40
-"""Multiplicative updates of a model's variances. With twice as many, uncertainties change by 0.4 to 1.2 % on the
-average (six records of each of six kinds of noise), and cost a fifth more."""
-FEWER_ROUNDS = 15
-"""Further ones, for a slightly different record."""
 DRAWS = 40
 """Records drawn from the noise found, by which the uncertainty of its variances is told."""
 EXACT = 1e-24
 """Variance of a reading that is exact, in units of its residuals'."""
-HELD = 1e-9
-"""Share of a column outside of the others below which it is rounding."""
 LEAST = 1e-12
 """Directions in which the columns have less than this share of the largest carry no information."""
 
@@ -114,7 +93,11 @@ class BandSums:
         groups: Sequence[np.ndarray] = (),
         within: Within | None = None,
     ):
-        self.bands = Bands(span, LONGEST)
+        # Longest correlation time, as a share of the record: random walks are slower than any. Readings in a random
+        # walk are covered in 93, 99, 100 % with 0.5, 1, 2; where the noise remembers a quarter of the record they are
+        # stated 1.0 times as uncertain as they are with 0.5, 1.4 times with 2 (time constants given): `python
+        # benchmarks/interval_coverage.py --first 600 --seeds 24`.
+        self.bands = Bands(span, 1.0)
         self.times, self.parts = self.bands.times, self.bands.exact_parts
         A, z = self.bands.forward(columns), self.bands.forward(reading[:, None])[:, 0]
         self.columns, self.reading = A, z
@@ -171,7 +154,8 @@ class BandSums:
         cross = self.columns.T @ (W * x)
         own = float(x @ (W * x))
         left = own - float(cross @ V @ cross)
-        if not left > HELD * own:
+        # Share of a column outside of the others below which it is rounding
+        if not left > 1e-9 * own:
             return None
         moment = float(x @ (W * self.reading) - cross @ coef)
         return moment / left, 1 / left
@@ -204,10 +188,14 @@ class BandSums:
 
     def settle(self) -> BandSums:
         """Noise and priors with all parts free, before models of the noise are averaged."""
-        for _ in range(TURNS):
+        # Most rounds of coefficients, noise and priors with all parts free, before the models are averaged
+        for _ in range(8):
             before = np.concatenate((self.parts @ self.theta, self.scales))
             self.turn(averaged=False)
-            if np.abs(np.concatenate((self.parts @ self.theta, self.scales)) / before - 1).max() < SETTLED:
+            # Change of the noise's power in any band, and of the priors, from one round to the next, below which no
+            # more follows. It moves uncertainties by less than 0.13 % on the average of twelve records, in each of
+            # eleven kinds of noise.
+            if np.abs(np.concatenate((self.parts @ self.theta, self.scales)) / before - 1).max() < 0.01:
                 break
         return self
 
@@ -225,7 +213,8 @@ class BandSums:
 
     def said(self, seed: int = 0) -> Restricted:
         """The answer, once settled; `seed` is that of the draws which tell how well the noise is known."""
-        for _ in range(AVERAGED_TURNS):
+        # Rounds with the average
+        for _ in range(3):
             self.turn(averaged=True)
         coef, V = self.solved()
         share, _ = self.left(coef, V)
@@ -254,7 +243,9 @@ class AveragedModels:
 
     def __init__(self, parts: np.ndarray):
         k = parts.shape[1] - 1
-        weights = [RATIO ** (slope * np.arange(k)) for slope in SLOPES]
+        # Mixed kinds of wandering: variances of the parts go with this power of their correlation time; 0 is flicker
+        # noise
+        weights = [RATIO ** (slope * np.arange(k)) for slope in (-0.5, 0.0, 0.5)]
         kinds = np.column_stack((np.eye(k), *(each / each.sum() for each in weights)))
         powers = (parts[:, 1:] @ kinds).T
         one, other = np.triu_indices(len(powers))
@@ -267,11 +258,14 @@ class AveragedModels:
 
         A second call goes on from what the first has found.
         """
-        total, rounds = float(power.sum() / share.sum()), ROUNDS
+        # Multiplicative updates of a model's variances. With twice as many, uncertainties change by 0.4 to 1.2 % on the
+        # average (six records of each of six kinds of noise), and cost a fifth more.
+        total, rounds = float(power.sum() / share.sum()), 40
         if self.theta is None:
             self.theta = np.full((len(self.shapes), 3), total) * [0.5, 0.25, 0.25]
         else:
-            rounds = FEWER_ROUNDS
+            # Further ones, for a slightly different record
+            rounds = 15
         for _ in range(rounds):
             S = np.matmul(self.theta[:, None], self.shapes)[:, 0]
             ratio = np.matmul(self.shapes, np.stack((power / S**2, share / S), axis=2))
@@ -298,8 +292,6 @@ SPECTRUM_SHARE = 1 / 12
 the record is not likelier with them. With 1/8, 1/12, 1/16 of it, readings in a random walk are covered in 90, 92, 89 %,
 the bias in white noise in 98, 98, 97 % (searched time constants, seeds 600 to 659):
 `python benchmarks/interval_coverage.py --first 600 --seeds 60`."""
-BEYOND_CHOSEN = 1.3
-"""Where slower ones were chosen: the slowest body that may be there is this many times slower than any of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -431,7 +423,8 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
     span = record.longest_read()
     slowest = max(taus.max(initial=0.0) for taus in (choice.time_constants, *choice.further.values()))
     usual = SPECTRUM_SHARE * span
-    return np.unique(choice.grid[choice.grid <= max(usual, BEYOND_CHOSEN * slowest)]), usual
+    # Where slower ones were chosen: the slowest body that may be there is this many times slower than any of them
+    return np.unique(choice.grid[choice.grid <= max(usual, 1.3 * slowest)]), usual
 
 
 def _widened(effect: Effect, grid: np.ndarray, searched: Sequence[Any], history: History) -> Effect:
@@ -509,12 +502,6 @@ def within_bins(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> 
     )
 
 
-MOST_MOVED = 1.1
-"""Standard deviation of the temperature inside a device, over that outside, above which it is none."""
-ROUNDING = 1e-9
-"""A temperature that lies beyond the fitted ones by this share of their range is not outside yet."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Beyond:
     """The next power of the static law, which the model leaves out.
@@ -586,7 +573,8 @@ def _acting(basis: Basis, coef: np.ndarray) -> np.ndarray:
     weights = np.where(lags, coef[1:] / slope, 0.0) if abs(slope) > 0 else np.zeros(len(lags))
     weights[0] = 1.0
     felt = basis.columns[:, 1:] @ weights[basis.free[1:] - 1]
-    if not np.std(felt) <= MOST_MOVED * np.std(basis.columns[:, 1]):
+    # Standard deviation of the temperature inside a device, over that outside, above which it is none
+    if not np.std(felt) <= 1.1 * np.std(basis.columns[:, 1]):
         weights[1:] = 0.0
     return weights
 
@@ -608,6 +596,7 @@ def _parts(basis: Basis) -> np.ndarray:
 def _ranges(felt: np.ndarray, basis: Basis) -> tuple[np.ndarray, np.ndarray]:
     """Ranges over all rows of temperatures that are known in the bins, shape (bins, k), which average peaks away."""
     (low, high), measured = basis.inside, basis.columns[:, 1]
-    rounding = ROUNDING * (high - low)
+    # A temperature that lies beyond the fitted ones by this share of their range is not outside yet
+    rounding = 1e-9 * (high - low)
     below, above = max(measured.min() - low, 0.0), max(high - measured.max(), 0.0)
     return felt.min(axis=0) - below - rounding, felt.max(axis=0) + above + rounding

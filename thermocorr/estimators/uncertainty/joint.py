@@ -87,12 +87,6 @@ class Reference:
     declared: bool = False
 
 
-EVEN = 1e-9
-"""Spread of steps, as a share of one, up to which they are equal."""
-NEAR_ONE = 1e-5
-"""Correlation of neighbours, less than one by this, at which the series' sum would lose its digits."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:
     """White noise, noise that forgets within some rows, and Ornstein-Uhlenbeck parts of many correlation times.
@@ -210,7 +204,9 @@ def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
         return 1 / n
     with np.errstate(under="ignore"):
         kept = np.exp(-steps / correlation_time)
-    if np.ptp(steps) <= EVEN * steps[0] and kept[0] < 1 - NEAR_ONE:  # a geometric series
+    # Spread of steps, as a share of one, up to which they are equal
+    # Correlation of neighbours, less than one by this, at which the series' sum would lose its digits
+    if np.ptp(steps) <= 1e-9 * steps[0] and kept[0] < 1 - 1e-5:  # a geometric series
         k = float(kept[0])
         return float((n + 2 * k * (n - 1 - n * k + k**n) / (1 - k) ** 2) / n**2)
     behind = before = 0.0
@@ -305,8 +301,6 @@ class JointErrors:
         )
 
 
-FORGETS = 1.2
-"""Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember."""
 PER_MEMORY = 2.0
 """Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
 shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
@@ -315,8 +309,6 @@ NEGLIGIBLE = 0.05
 """Share of an average below which the basis with bodies slower than a twelfth of the record, or the one without, is
 left out: a ratio of evidences of e^3, "strong" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995). Its logarithm is -2.9 to
 0.8 in random walks of 5000 rows, and 24 to 84 in 1200 rows of white noise and a device that has such a body."""
-SIZES = 200
-"""Moments at which the size of a noise that changes with time is kept."""
 
 
 def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErrors:
@@ -405,13 +397,15 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
         between = max(residual / scaled.unit**2 - float(np.mean(left**2)), 0.0) * rows / (rows - 1)
         white = found.within or between or white
     memory = rows * float(theta[0]) / white
-    kept = (memory - 1) / (memory + 1) if memory > FORGETS else 0.0
+    # Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember
+    kept = (memory - 1) / (memory + 1) if memory > 1.2 else 0.0
     wander, spread = theta[1:], float(covariance[1:, 1:].sum())
     times, total = basis.bin_seconds() * sums.times, float(wander.sum())
     dof = 2 * total**2 / spread if spread > 0 else np.inf  # as long as the correlation times are right
     if total > 0:
         dof = min(dof, max(PER_MEMORY, PER_MEMORY * float(np.ptp(basis.begins)) * total / float(wander @ times)))
-    at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, SIZES).astype(int))
+    # Moments at which the size of a noise that changes with time is kept
+    at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, 200).astype(int))
     at = np.argsort(basis.begins, kind="stable")[at]  # runs may be interleaved
     at = at[:0] if np.ptp(scaled.size) == 0 else at
     return NoiseModel(
@@ -436,8 +430,6 @@ def _end_correlations(basis: Basis, scaled: ScaledBasis, noise: NoiseModel) -> n
 
 KELVIN = {"degF": 1.8}
 """Degrees of a thermometer's unit in a kelvin, where that is not 1."""
-STEP = 1e-4
-"""Temperature by which the bias is differentiated, as a share of the fitted range: far above rounding."""
 
 
 def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
@@ -451,7 +443,8 @@ def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndar
     if not (sensor.offset or sensor.own_noise or sensor.time_constant):
         return fixed, own
     low, high = model.temperature_range_
-    h = STEP * (high - low)
+    # Temperature by which the bias is differentiated, as a share of the fitted range: far above rounding
+    h = 1e-4 * (high - low)
     kelvin = KELVIN.get(difference_unit(model.reading_.temperature_unit), 1.0)
     slope = kelvin * _moved(model, record, np.full(n, h), since_learning=True) / h
     fixed = (slope * sensor.offset) ** 2

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import CubicSpline
 from scipy.special import betainccinv, betaincinv
 
 from ...records import Record
@@ -35,42 +34,21 @@ def asked_rows(rows: Any, n: int, index: pd.Index | None) -> np.ndarray:
 
 
 def _found(rows: Any, n: int, index: pd.Index | None) -> np.ndarray:
-    every = np.arange(n)
+    every = pd.Series(np.arange(n), index=index)
     if rows is None:
-        return every
+        return every.to_numpy()
     if isinstance(rows, bool):
         raise TypeError("true or false is no row")
-    if isinstance(rows, int | np.integer):
-        return every[[int(rows)]]
-    if isinstance(rows, slice):
-        ends = [end for end in (rows.start, rows.stop) if end is not None]
-        if index is None or all(isinstance(end, int | np.integer) for end in ends):
-            return every[rows]
-        return np.asarray(every[index.slice_indexer(rows.start, rows.stop, rows.step)])
-    if isinstance(rows, str) or np.ndim(rows) == 0:
-        if index is None:
-            raise KeyError(rows)
-        return np.atleast_1d(every[index.get_loc(rows)])
-    given = np.asarray(rows)
-    if given.dtype == bool or np.issubdtype(given.dtype, np.integer):
-        return np.asarray(every[given])
-    if index is None:
-        raise KeyError(rows)
-    places = index.get_indexer(pd.Index(rows))
-    if (places < 0).any():
-        raise KeyError(rows)
-    return np.asarray(every[places])
+    ends = [rows.start, rows.stop] if isinstance(rows, slice) else np.ravel(rows).tolist()
+    places = index is None or all(end is None or isinstance(end, int) for end in ends)  # true and false are too
+    listed = rows if isinstance(rows, slice | str) or np.ndim(rows) == 0 else np.asarray(rows)
+    return np.atleast_1d((every.iloc if places else every.loc)[listed])
 
 
 COLUMNS = (
     "quantity", "estimate", "standard uncertainty", "unit", "degrees of freedom", "sensitivity", "contribution",
     "share", "type",
 )  # fmt: skip
-LARGE = 1000.0
-"""Degrees of freedom from which they are printed as infinite: k differs by 0.1 % then."""
-
-KNOTS = 257
-"""Degrees of freedom at which Student's t is computed for many rows, even in their inverse roots."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,12 +138,13 @@ class Budget:
 
     def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
+        # Degrees of freedom from which they are printed as infinite: k differs by 0.1 % then
         return (
             line.quantity,
             "" if np.isnan(line.estimate) else f"{line.estimate:.9g}",
             f"{line.uncertainty:.3g}",
             line.unit,
-            "infinite" if line.dof > LARGE else f"{line.dof:.0f}" if line.dof >= 10 else f"{line.dof:.1f}",
+            "infinite" if line.dof > 1000.0 else f"{line.dof:.0f}" if line.dof >= 10 else f"{line.dof:.1f}",
             f"{line.sensitivity:.4g}",
             f"{line.contribution:.3g}",
             f"{100 * line.contribution**2 / total:.1f} %",
@@ -195,22 +174,11 @@ def effective_dof(
 def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | float:
     """Half width of a central interval in standard uncertainties: Student's t, GUM G.3.
 
-    For many rows it is interpolated between `KNOTS` degrees of freedom, to nine digits.
+    By the beta distribution of t² / (dof + t²) and its complement: exact in every version of scipy.
     """
-    known = np.minimum(np.maximum(dof, 1.0), 1e9)
-    place = np.asarray(known**-0.5)
-    low, high = np.nanmin(place, initial=np.inf), np.nanmax(place, initial=0.0)
-    if place.size <= KNOTS or not low < high:
-        value = _student(known, coverage)
-        return float(value) if np.ndim(dof) == 0 else np.asarray(value)
-    knots = np.linspace(low, high, KNOTS)
-    logarithm = CubicSpline(knots, np.log(_student(knots**-2.0, coverage)))
-    return np.asarray(np.exp(logarithm(place)))
-
-
-def _student(dof: np.ndarray, coverage: float) -> np.ndarray:
-    """Student's t by the beta distribution of t² / (dof + t²) and its complement: exact in every version of scipy."""
-    return np.asarray(np.sqrt(dof * betaincinv(0.5, dof / 2, coverage) / betainccinv(dof / 2, 0.5, coverage)))
+    known = np.clip(dof, 1.0, 1e9)
+    found = np.sqrt(known * betaincinv(0.5, known / 2, coverage) / betainccinv(known / 2, 0.5, coverage))
+    return float(found) if np.ndim(dof) == 0 else np.asarray(found)
 
 
 def concise(value: float, U: float) -> str:

@@ -27,13 +27,10 @@ READERS = tuple(
 """The first that recognises a file reads it."""
 
 
-LONGEST = 2000
-"""Characters of a line at most: no program of these writes longer ones."""
-
-
 def reader_of(lines: Sequence[str]) -> Reader | None:
     """The reader of a file that begins with these lines; None for a table."""
     filled = [line for line in lines if line.strip()]
-    if max(map(len, filled), default=0) > LONGEST:
+    # Characters of a line at most: no program of these writes longer ones
+    if max(map(len, filled), default=0) > 2000:
         return None
     return next((reader for reader in READERS if filled and reader.recognises(filled)), None)

@@ -19,8 +19,6 @@ _PAIR = re.compile(
     rf"(?P<name>[^\W\d][\w .°/%()]{{0,40}}?)\s?[:=]\s{{0,3}}(?P<value>{_NUMBER}|nan)"
     r"(?P<unit>\s?[^\s\d,;:=]+(?=[,;\t]|$))?"
 )
-MOST_ODD = 0.1
-"""Share of the lines, at most, that are something else: a board says hello when it starts."""
 
 
 def recognises(lines: Sequence[str]) -> bool:
@@ -28,7 +26,8 @@ def recognises(lines: Sequence[str]) -> bool:
     pairs = [_pairs(line)[1] for line in lines[:100]]
     usual = Counter(tuple(name for name, _ in row) for row in pairs if row).most_common(1)
     stamped = all(_STAMP.fullmatch(line.strip()) for line in lines[:5])
-    return stamped or (bool(usual) and usual[0][1] >= (1 - MOST_ODD) * len(pairs) and len(usual[0][0]) > 0)
+    # Share of the lines, at most, that are something else: a board says hello when it starts
+    return stamped or (bool(usual) and usual[0][1] >= (1 - 0.1) * len(pairs) and len(usual[0][0]) > 0)
 
 
 def read(lines: Sequence[str], reading: str | None) -> tuple[pd.DataFrame, str]:
