@@ -24,7 +24,7 @@ from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
 from ..records.screen import Limits
 from ..records.segments import Flags
-from ..records.times import BEYOND, Times, date_of_text, difference, span_of
+from ..records.times import BEYOND, REACH, Times, date_of_text, span_of
 
 
 class Tracker:
@@ -61,7 +61,6 @@ _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
 _ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 """The usual form, which `pandas.Timestamp` reads as `pandas.to_datetime(..., format="ISO8601")` does, but faster."""
-_LAST = (1 << 63) - 1
 _MICROSECOND = timedelta(microseconds=1)
 
 
@@ -88,7 +87,7 @@ class Clock:
 
     def between(self, later: Any, earlier: Any) -> Any:
         """Difference of two stamps (or arrays of them) [s]."""
-        return difference(later, earlier) * self._times / self._per
+        return (later - earlier) * self._times / self._per
 
     def stamps(self, times: Times) -> np.ndarray:
         """Stamps of many times, shape (n,); rows without times have those of `next_rows`."""
@@ -161,13 +160,12 @@ class Clock:
     def _nanoseconds(self, value: Any, time: Any) -> int:
         """Stamp of a date or span of pandas."""
         try:
-            stamp: int = value.value
-            return stamp
+            return self._within_range(value.value, time)
         except (OverflowError, ValueError):
             raise self._beyond(time) from None
 
     def _within_range(self, stamp: int, time: Any) -> int:
-        if abs(stamp) > _LAST:
+        if abs(stamp) > REACH:
             raise self._beyond(time)
         return stamp
 

@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, quoted
 from .grammar import is_missing
-from .times import BEYOND, UNITS
+from .times import BEYOND, REACH, UNITS
 from .types import kind_of
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
 """What may label a run: dates and spans of pandas are dates and spans of Python too."""
 _NS = 1_000_000_000
-_FARTHEST = (1 << 63) - 1 - 86_400 * _NS
-"""Nanoseconds from 1970: a day before the last date, so that it is one in any zone."""
 
 
 def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.Index[Any]]:
@@ -67,7 +65,7 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
 def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> None:
     """Refuse labels that are dates and spans which no clock of nanoseconds reaches: no file could keep them."""
     if isinstance(names, pd.DatetimeIndex | pd.TimedeltaIndex):
-        limit = _FARTHEST // (_NS // UNITS[names.unit])
+        limit = REACH // (_NS // UNITS[names.unit])
         far = np.flatnonzero(np.abs(names.asi8) > limit)
         if len(far):
             seconds = int(names.asi8[far[0]]) // UNITS[names.unit]
@@ -90,7 +88,7 @@ def out_of_reach(label: Any) -> bool:
             return False
     except (ArithmeticError, ValueError):
         return True
-    return abs(value) > _FARTHEST
+    return abs(value) > REACH
 
 
 FEWEST_ROWS = 20

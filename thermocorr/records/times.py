@@ -299,13 +299,13 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
-BEYOND = "Times may lie 292 years from 1970 at most. Is the date damaged?"
+REACH = 1 << 62
+"""Nanoseconds from 1970 within which all dates and spans lie: no difference of two of them wraps."""
+BEYOND = "Times may lie 146 years from 1970 at most (1824 to 2116). Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
 _CHUNK = 1 << 16
 """Times that are looked at together."""
-_FAR = 1 << 62
-"""Integers that stay below this differ by one that does not wrap."""
 _DAY = "(?:[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{8})"
 _CLOCK = "[T ][0-9]{2}(?::?[0-9]{2}(?::?[0-9]{2}(?:[.][0-9]+)?)?)?"
 _ZONE = " ?(?:Z|[+-][0-9]{2}(?::?[0-9]{2})?)"
@@ -358,10 +358,7 @@ class Times:
         ticks = self.ticks[rows]
         if not isinstance(rows, slice) or self.__dict__.get("_even_ticks") is None:
             steps = np.empty(len(ticks))
-            if self._close:
-                np.divide(ticks[1:] - ticks[:-1], self.per_second, out=steps[1:])
-            else:
-                np.divide(difference(ticks[1:], ticks[:-1]), self.per_second, out=steps[1:])
+            np.divide(ticks[1:] - ticks[:-1], self.per_second, out=steps[1:])
         else:
             steps = np.full(len(ticks), self.even_step)
         steps[0] = 1.0 if before is None else (ticks[0].item() - self.ticks[before].item()) / self.per_second
@@ -379,7 +376,7 @@ class Times:
             return None
         first, second, last = (self.ticks[k].item() for k in (0, 1, -1))
         step = second - first
-        if not 0 < step < _FAR or (isinstance(step, int) and last - first != step * (self.n - 1)):
+        if not step > 0 or (isinstance(step, int) and last - first != step * (self.n - 1)):
             return None
         chunks = (self.ticks[start : start + _CHUNK + 1] for start in range(0, self.n - 1, _CHUNK))
         return step if all((np.diff(chunk) == step).all() for chunk in chunks) else None
@@ -392,7 +389,7 @@ class Times:
         """
         if self.ticks is None:
             return self.period
-        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or not self._close or self.n < 2:
+        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
             return np.inf
         if self.even_step is not None:
             return self.even_step
@@ -420,17 +417,7 @@ class Times:
         if self.kind == "seconds":
             return np.asarray(self.ticks[rows] - origin, float)
         whole, rest = divmod(int(origin), _NS // self.per_second)
-        ticks = self.ticks[rows]
-        apart = ticks - whole if self._close and abs(whole) < _FAR else difference(ticks, whole)
-        return np.asarray(apart / self.per_second - rest / _NS, float)
-
-    @cached_property
-    def _close(self) -> bool:
-        """Whether no two times lie so far apart that their difference wraps; False where they are not in memory."""
-        if not isinstance(self.ticks, np.ndarray) or not len(self.ticks):
-            return False
-        ends = self.ends()
-        return bool(ends.min() > -_FAR and ends.max() < _FAR)
+        return np.asarray((self.ticks[rows] - whole) / self.per_second - rest / _NS, float)
 
     def stamp(self, row: int) -> float:
         """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
@@ -489,14 +476,6 @@ def summer_time_text(row: int, time: object, before: object) -> str:
     )
 
 
-def difference(later: Any, earlier: Any) -> Any:
-    """`later` less `earlier`; as floats where integers would wrap: dates may lie 584 years apart."""
-    apart = later - earlier
-    if isinstance(apart, np.ndarray) and apart.dtype.kind == "i" and ((later ^ earlier) & (later ^ apart) < 0).any():
-        return np.asarray(later, float) - np.asarray(earlier, float)
-    return apart
-
-
 def times_from(values: pd.Index | pd.Series, where: str) -> Times:
     """Times of an index or a column: dates, spans, seconds, or text that pandas reads as dates.
 
@@ -524,46 +503,34 @@ def times_from(values: pd.Index | pd.Series, where: str) -> Times:
         dtype = values.dtype
     _refuse_missing(values.isna().to_numpy(), where)
     kind: Kind = "timedelta" if pd.api.types.is_timedelta64_dtype(dtype) else "datetime"
-    zone = None
     if isinstance(dtype, pd.DatetimeTZDtype):
-        kind, zone = "datetime with time zone", dtype.tz
+        kind = "datetime with time zone"
         values = values.dt.tz_convert("UTC").dt.tz_localize(None)
     ticks = values.to_numpy()
     per_second = UNITS[np.datetime_data(ticks.dtype)[0]]
-    return Times(n, kind, within_range(ticks.view("i8"), per_second, where, zone=zone), per_second)
+    return Times(n, kind, within_range(ticks.view("i8"), per_second, where), per_second)
 
 
 def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> Times:
     """Times of an index of dates or spans, without a copy."""
     ticks = index.asi8
     kind: Kind = "timedelta"
-    zone = None
     if isinstance(index, pd.DatetimeIndex):
-        kind, zone = "datetime" if index.tz is None else "datetime with time zone", index.tz
+        kind = "datetime" if index.tz is None else "datetime with time zone"
     times = Times(len(index), kind, ticks, UNITS[index.unit])
     ends = times.ends()
     if len(ends) and ends.min() == pd.NaT.value:
         _refuse_missing(np.asarray(index.isna()), where)
-    within_range(ticks, times.per_second, where, zone=zone, ends=ends)
+    within_range(ticks, times.per_second, where, ends=ends)
     return times
 
 
 def within_range(
-    ticks: NDArray[Any],
-    per_second: int,
-    where: str,
-    first_row: int = 0,
-    zone: object = None,
-    ends: NDArray[Any] | None = None,
+    ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, ends: NDArray[Any] | None = None
 ) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is no integer of nanoseconds, as stamps are, in its zone too.
-
-    `ends`: those among which the least and the greatest are known to be.
-    """
-    ends = ticks if ends is None else ends
-    margin = 0 if zone is None or str(zone) == "UTC" else 86_400 * per_second
-    limit = np.iinfo(np.int64).max // (_NS // per_second) - margin
-    if (margin or per_second < _NS) and len(ends) and (ends.max() > limit or ends.min() < -limit):
+    """The ticks; RecordError where one of them is out of `REACH`. `ends`: those with the least and the greatest."""
+    ends, limit = ticks if ends is None else ends, REACH // (_NS // per_second)
+    if len(ends) and (ends.max() > limit or ends.min() < -limit):
         row = int(np.argmax((ticks > limit) | (ticks < -limit)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
