@@ -268,8 +268,8 @@ class Appended(Results):
             self.file.cut(length)
             return
         assert self.rows.header is not None
-        for row in self.file.rows_behind(length):  # seen by a process that was killed
-            self.rows.replay(fields_of(row)[: len(self.rows.header)])
+        width = len(self.rows.header)
+        self.rows.replay([fields_of(row)[:width] for row in self.file.rows_behind(length)])
         self._known, self._before = WrittenRows(out, len(self.rows.header)), self.rows.done
 
     def write(self, rows: bytes) -> None:
@@ -303,7 +303,7 @@ def open_results(
 STATE_EVERY = 10.0
 """Time between savings of the state [s]."""
 BLOCK = 8192
-"""Rows of a whole log that are corrected together."""
+"""Rows that are corrected together."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -318,7 +318,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", required=True, metavar="FILE", help="model.json, as `thermocorr analyze --out` writes"
     )
-    parser.add_argument("--follow", action="store_true", help="go on as the log grows; write and flush line by line")
+    parser.add_argument(
+        "--follow", action="store_true", help="go on as the log grows; write and flush what came at once"
+    )
     parser.add_argument("--out", metavar="FILE", help="where to write (default: standard output)")
     parser.add_argument(
         "--state", metavar="FILE", help="save the state there, and go on from it next time, --out included"
@@ -404,10 +406,7 @@ def _pump(
     if rows.time_unit and not isinstance(lines, TableLines):
         _complain(f"read as: times in {rows.time_unit}")
     with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
-        if options.follow:
-            _follow(rows, stream, lines, results)
-        else:
-            _whole(rows, stream, results)
+        _corrected(rows, stream, lines, results)
         kept = results.finish(bool(stop))
     if lines.rest:
         rows.number += 1
@@ -420,27 +419,11 @@ def _pump(
         raise Stopped(stop.number, f"stopped after row {rows.done}, {kept}")
 
 
-def _follow(rows: LogRows, stream: Iterator[bytes | None], lines: Lines, results: Results) -> None:
-    """Row by row, each written before the next is read."""
-    saved = time.monotonic()
-    for line in stream:
-        if line is not None:
-            if lines.restarted:
-                lines.restarted = False
-                rows.begin(line, new_file=True)
-                continue
-            sample = rows.read(line)
-            if sample is not None and not results.seen(sample):
-                results.write(csv_text([[*sample.fields, *rows.one(sample)]]))
-        if time.monotonic() - saved > STATE_EVERY:
-            results.keep()
-            saved = time.monotonic()
-
-
-def _whole(rows: LogRows, stream: Iterator[bytes | None], results: Results) -> None:
-    """Block by block, with the digits that `analyze` writes."""
+def _corrected(rows: LogRows, stream: Iterator[bytes | None], lines: Lines, results: Results) -> None:
+    """Block by block; what is there is written as soon as nothing more is, or a while after it came."""
     samples: list[LogRow] = []
-    saved = time.monotonic()
+    saved = written = time.monotonic()
+    patience = 0.1 if results.options.follow else STATE_EVERY
 
     def correct() -> None:
         if samples:
@@ -449,14 +432,22 @@ def _whole(rows: LogRows, stream: Iterator[bytes | None], results: Results) -> N
             samples.clear()
 
     for line in stream:
+        if line is not None and lines.restarted:
+            lines.restarted = False
+            correct()
+            rows.begin(line, new_file=True)
+            continue
         sample = None if line is None else rows.read(line)
         if sample is not None and not results.seen(sample):
             samples.append(sample)
-        if len(samples) == BLOCK or time.monotonic() - saved > STATE_EVERY:
+        now = time.monotonic()
+        if line is None or len(samples) == BLOCK or now - written > patience:
             correct()
-            if time.monotonic() - saved > STATE_EVERY:
-                results.keep()
-                saved = time.monotonic()
+            written = now
+        if now - saved > STATE_EVERY:
+            correct()
+            results.keep()
+            saved = now
     correct()
 
 

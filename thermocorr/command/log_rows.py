@@ -285,17 +285,10 @@ class LogRows:
         if self.left_out == _SHOWN:
             self.complain("further lines that are left out are counted only")
 
-    def one(self, sample: LogRow) -> list[str]:
-        """Correct a row; returns the cells of its results."""
-        self.trust.look(sample.values)
-        result = self.live.update_stamp(sample.stamp, sample.run, sample.values, sample.reading)
-        cells = {**result._asdict(), "flag": result.flag}
-        self._count(cells["flag"], result.corrected)
-        return [_cell(cells[name]) for name in self._extra]
-
-    def replay(self, fields: list[str]) -> None:
-        """Let the corrector see a row whose results have been written."""
-        self.one(self._sample(fields))
+    def replay(self, rows: list[list[str]]) -> None:
+        """Let the corrector see rows whose results have been written."""
+        for low in range(0, len(rows), 8192):  # its memory stays bounded
+            self.many([self._sample(fields) for fields in rows[low : low + 8192]])
 
     def many(self, samples: list[LogRow]) -> list[list[str]]:
         """Correct rows, to the last digit as `DynamicBiasRegressor.correct`; returns the cells of their results."""
@@ -305,7 +298,7 @@ class LogRows:
         self.trust.look(values)
         stamps = np.array([sample.stamp for sample in samples]) if self._timed else None
         runs = None if self.live.model.run is None else pd.Series([sample.run for sample in samples], dtype=object)
-        out = self.live.update_stamps(stamps, values, reading, runs)
+        out = self.live.update_stamps(stamps, values, reading, runs, 64 if self.options.follow else 1)
         columns = [getattr(out, COLUMNS.get(name, name)).tolist() for name in self._extra]
         for flag, corrected in zip(out.flags, out.corrected, strict=True):
             self._count(flag, corrected)
