@@ -23,7 +23,6 @@ from ..records import Block, Log, ParquetLog, Record, read_record
 from ..records.errors import listing, warn
 from ..records.history import Thinned, thinned
 from ..records.labels import is_state, parted_state, state, states_of
-from ..records.log import SomeColumns
 from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
 from ..records.screen import LeftOut, screened
@@ -269,11 +268,9 @@ def _clock(column: np.ndarray, read: Record) -> bool:
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
     names = list(getattr(model, "feature_names_in_", ()))
-    if isinstance(X, RecordLog):
-        return X.with_columns(names)
-    if not (names and is_frame(X) and set(names) < set(X.columns)):
+    if not isinstance(X, RecordLog) and not (names and is_frame(X) and set(names) < set(X.columns)):
         return X
-    return SomeColumns(X, names) if isinstance(X, Log) else X[names]
+    return X.with_columns(names) if isinstance(X, Log) else X[names]
 
 
 def candidates_of(record: Record, exclude: Collection[str], further: Any) -> list[Effect]:

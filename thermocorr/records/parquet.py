@@ -5,9 +5,10 @@ What pyarrow does not read or write, or would do in another way, is left to pand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from copy import copy
 from os import PathLike
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,17 +63,24 @@ class ParquetLog(Log):
         rows = [file.metadata.row_group(i).num_rows for file, i in self._groups]
         self.edges: NDArray[np.intp] = np.cumsum([0, *rows])
         """First row of each row group, and the number of rows."""
+        self._names: list[str] | None = None
 
     def __len__(self) -> int:
         return int(self.edges[-1])
 
     def __reduce__(self) -> Any:
-        return type(self), (self.paths,)
+        return type(self), (self.paths,), {"_names": self._names}
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns, the index left out."""
-        return [name for name in self._schema.names if name != self.index_name]
+        return self._names or [name for name in self._schema.names if name != self.index_name]
+
+    def with_columns(self, names: Collection[Any]) -> Self:
+        """The log with some of its columns."""
+        some = copy(self)
+        some._names = list(names)
+        return some
 
     @property
     def attrs(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 from numpy.typing import NDArray
 
@@ -41,11 +41,11 @@ class RecordLog(Log):
             )
         return self.record.columns[name]
 
-    def with_columns(self, names: Collection[Any]) -> RecordLog:
+    def with_columns(self, names: Collection[Any]) -> Self:
         """The log with some of its columns, and the temperature."""
         wanted = {*names, self.record.temperature_name}
         columns = {name: column for name, column in self.record.columns.items() if name in wanted}
-        return RecordLog(replace(self.record, columns=columns), self.attrs)
+        return type(self)(replace(self.record, columns=columns), self.attrs)
 
     def times(self, name: str) -> Times:
         """Times of the record, whatever their column was called."""
