@@ -47,7 +47,7 @@ def test_the_error_behind_gaps_is_what_is_said(setting):
         model = fitted(record)
         some, whole = with_holes(record, seed)
         error = model.bias(some.drop(columns="reading")) - model.bias(whole.drop(columns="reading")).loc[some.index]
-        variance = model.judged(some.drop(columns="reading"))[0].gap_variance
+        variance = model._resumed_with_gaps(some.drop(columns="reading"))[0].gap_variance
         squares.append(error[variance > 0] ** 2)
         said.append(variance[variance > 0])
         unknown = model.bias(some.drop(columns="reading"), return_std=True)[1]
@@ -59,7 +59,7 @@ def test_the_error_behind_gaps_is_what_is_said(setting):
 def test_rows_that_gaps_spoil_are_flagged_and_not_signed(model, record):
     some, _ = with_holes(record, 1)
     X, y = some.drop(columns="reading"), some["reading"]
-    variance = model.judged(X)[0].gap_variance
+    variance = model._resumed_with_gaps(X)[0].gap_variance
     far = variance > model.residual_std_**2
     assert far.any()
     for flags in (model.flags(X), model.evaluate(X, y)["flag"], model.uncertainty(X, y).frame()["status"]):
@@ -71,12 +71,12 @@ def test_rows_that_gaps_spoil_are_flagged_and_not_signed(model, record):
 
 def test_without_gaps_nothing_is_felt(model, record):
     _, whole = with_holes(record, 1)
-    assert model.judged(whole.drop(columns="reading"))[0].gap_variance is None
+    assert model._resumed_with_gaps(whole.drop(columns="reading"))[0].gap_variance is None
 
 
 def test_rows_long_after_the_fitted_record_follow_on_it_behind_a_gap(model, record):
     late = record.iloc[LEARNED + 60 :]
-    variance = model.judged(late.drop(columns="reading"))[0].gap_variance
+    variance = model._resumed_with_gaps(late.drop(columns="reading"))[0].gap_variance
     assert variance[0] > model.residual_std_**2
     live = OnlineCorrector(model, uncertainty=True)
     first = live.update(late.index[0], late["temperature"].iloc[0], late["reading"].iloc[0])
@@ -120,10 +120,9 @@ def test_a_model_file_knows_it(model, record, rows, tmp_path):
     some, _ = with_holes(record, 3)
     X = some.drop(columns="reading")
     save_model(model, tmp_path / "model.json", history_rows=rows)
-    np.testing.assert_array_equal(
-        load_model(tmp_path / "model.json").judged(X)[0].gap_variance, model.judged(X)[0].gap_variance
-    )
-    assert model.slim().judged(X)[0].gap_variance == pytest.approx(model.judged(X)[0].gap_variance)
+    known, again = model._resumed_with_gaps(X)[0], load_model(tmp_path / "model.json")._resumed_with_gaps(X)[0]
+    np.testing.assert_array_equal(again.gap_variance, known.gap_variance)
+    assert model._slim()._resumed_with_gaps(X)[0].gap_variance == pytest.approx(known.gap_variance)
 
 
 def test_other_columns_that_are_felt_late_wander_in_gaps_too(record):
@@ -140,8 +139,8 @@ def test_other_columns_that_are_felt_late_wander_in_gaps_too(record):
     some, whole = with_holes(both, 6)
     X = some.drop(columns="reading")
     error = model.bias(X) - model.bias(whole.drop(columns="reading")).loc[X.index]
-    variance = model.judged(X)[0].gap_variance
-    alone = model.gap_error()
+    variance = model._resumed_with_gaps(X)[0].gap_variance
+    alone = model._gap_error()
     assert [law.column for law in alone.laws] == ["temperature", "humidity"]
     assert 0.5 < np.sqrt((error[variance > 0] ** 2).mean() / variance[variance > 0].mean()) < 2
 

@@ -66,7 +66,7 @@ def test_the_variance_is_that_of_a_simulation():
     n, hole = 400, slice(50, 110)
     error = np.full(n, np.nan)
     error[hole] = 0.1 * np.sqrt(np.arange(1, 61))
-    law: FillingError = model.filling_error()
+    law: FillingError = model._filling_error()
     steady = {"case": np.full(n, 25.0), "room": np.full(n, 23.0)}
     nothing = {"case": np.full(n, np.nan), "room": error}
     said, _ = law.of_rows(steady, nothing, np.full(n, STEP))

@@ -48,7 +48,7 @@ def test_a_slim_model_does_for_later_rows_what_the_whole_one_does(effects):
     whole = DynamicBiasRegressor("temperature").fit(first[["temperature"]], first["reading"])
     corrected, u = whole.correct(later[["temperature"]], later["reading"], return_std=True)
     errors = whole.standard_errors()
-    slim = pickle.loads(pickle.dumps(whole)).slim()
+    slim = pickle.loads(pickle.dumps(whole))._slim()
     assert len(pickle.dumps(slim)) < 32 * 1024 < 400 * 1024 < len(pickle.dumps(whole))
     again, u_again = slim.correct(later[["temperature"]], later["reading"], return_std=True)
     np.testing.assert_array_equal(again, corrected)
@@ -69,7 +69,7 @@ def test_a_fleet_of_slim_models(devices):
 
 def test_a_model_is_slimmed_once_and_again_and_never_to_nothing(devices):
     model = DynamicBiasRegressor("temperature", ["5 min"]).fit(devices["box 0"], devices["box 0"]["reading"])
-    for wrong in (lambda: model.slim(0), lambda: fit_fleet(1, devices, "reading", MODEL, history_rows=0)):
+    for wrong in (lambda: model._slim(0), lambda: fit_fleet(1, devices, "reading", MODEL, history_rows=0)):
         with pytest.raises(ValueError, match="history_rows"):
             wrong()
-    assert model.slim().slim().predict(devices["box 0"]).shape == (3000,)
+    assert model._slim()._slim().predict(devices["box 0"]).shape == (3000,)

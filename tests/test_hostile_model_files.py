@@ -175,8 +175,8 @@ def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(vic
         try:
             with np.errstate(all="ignore"):
                 again.predict(X)
-                again.evaluate(X, y, return_std=again.knows_noise)
-                again.knows_noise and again.uncertainty(X, y).frame()
+                again.evaluate(X, y, return_std=again._knows_noise)
+                again._knows_noise and again.uncertainty(X, y).frame()
                 again.coef_table(), again.equation()
         except RecordError:
             pass  # it needs other columns, say

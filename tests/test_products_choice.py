@@ -69,8 +69,8 @@ def test_what_is_chosen_again_or_held_is_the_same():
     X, y, *_ = split(6_000, 0.1, 1)
     model = DynamicBiasRegressor("temperature").fit(X, y)
     assert clone(model).products == "auto"
-    assert model.settled().fit(X[:200], y[:200]).products_ is True  # part of the model, as its degree is
-    held = clone(model).set_params(**model.chosen(), alpha=model.alpha_).fit(X, y)
+    assert model._as_chosen().fit(X[:200], y[:200]).products_ is True  # part of the model, as its degree is
+    held = clone(model).set_params(**model._choices(), alpha=model.alpha_).fit(X, y)
     np.testing.assert_allclose(held.predict(X), model.predict(X), rtol=0, atol=1e-9)
     assert model.set_params(time_constants=[300.0]).fit(X, y).products_ is False  # an earlier choice is forgotten
 

@@ -115,7 +115,7 @@ def test_a_stream_a_file_and_a_copy_say_the_same(device, tmp_path):
         later = zip(X.index[LEARNED:][:300], X[LEARNED:].to_numpy(), y[LEARNED:], strict=False)
         rows = [live.update(t, case, u, room=room).corrected for t, (case, room), u in later]
         assert np.abs(whole[LEARNED : LEARNED + 300] - rows).max() < 1e-12
-    again = DynamicBiasRegressor(["case", "room"], model.fixed_time_constants(), alpha=model.alpha_)
+    again = DynamicBiasRegressor(["case", "room"], model._fixed_time_constants(), alpha=model.alpha_)
     assert np.allclose(again.fit(X[:LEARNED], y[:LEARNED]).coef_, model.coef_, rtol=1e-9)
 
 

@@ -234,7 +234,7 @@ def test_a_model_that_knows_no_noise_says_so(fitted):
     poor = pickle.loads(pickle.dumps(model))
     poor.__dict__.pop("joint_errors_", None)
     del poor._swept
-    assert not poor.knows_noise
+    assert not poor._knows_noise
     with pytest.raises(ValueError, match="does not know the noise"):
         poor.predict(X, return_std=True)
 

@@ -6,6 +6,7 @@ import pytest
 import sklearn
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import make_pipeline
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError, TimeConstantSearch
@@ -195,3 +196,12 @@ def test_a_mask_beside_the_record_is_said(lab):
     X, y = lab
     with pytest.warns(UserWarning, match="in which there are no rows"):
         DynamicBiasRegressor("temperature", TAUS).fit(X, y, mask=[("2023-01-01", "2023-01-02")])
+
+
+def test_several_readings_with_weights(lab):
+    """scikit-learn finds the weights in the signature of `fit`."""
+    X, y, weight = lab[0], lab[1], np.random.default_rng(1).uniform(0.5, 2.0, len(lab[0]))
+    both = np.column_stack((y, 2 * y))
+    found = MultiOutputRegressor(DynamicBiasRegressor("temperature", TAUS)).fit(X, both, sample_weight=weight)
+    alone = DynamicBiasRegressor("temperature", TAUS).fit(X, 2 * y, sample_weight=weight)
+    np.testing.assert_array_equal(found.predict(X)[:, 1], alone.predict(X))

@@ -69,7 +69,7 @@ def fit_fleet(
         Fit each device once more, with what all of them tell as its prior (`LawPrior`): devices whose records
         determine their law badly are drawn to the others. They need the same time constants.
     history_rows : int, optional
-        Keep so many rows of each device's record at most, see `DynamicBiasRegressor.slim`.
+        Keep so many rows of each device's record at most, see `DynamicBiasRegressor._slim`.
     progress : callable or True, optional
         Called with a line of text for each device that is waited for; True draws a bar (extra "progress").
 
@@ -108,7 +108,7 @@ def fit_fleet(
             "Devices with several thermometers have time constants of their own: shared_time_constants=False."
         )
     own = [model] * len(parts)
-    if shared_time_constants and model.count_to_choose() != 0:
+    if shared_time_constants and model._count_to_choose() != 0:
         own = _with_shared_times(workers, parts, names, reading, model)
     with told(progress, len(names) * (1 + shrinkage)) as tell:
         heard = tell if progress else None
@@ -148,7 +148,7 @@ def _with_shared_times(
     found: list[tuple[Projected, float]] = _each(
         workers, _spectrum, parts, names, [(reading, model, grid)] * len(parts)
     )
-    path = project([projected for projected, _ in found], model.count_to_choose())
+    path = project([projected for projected, _ in found], model._count_to_choose())
     chosen = grid[list(path[-1])] if path else np.zeros(0)
     own = [clone(model).set_params(time_constants=chosen) for _ in parts]
     if model.alpha == "auto":
@@ -189,7 +189,7 @@ def _fit(
     with _Named(name):
         own: DynamicBiasRegressor = clone(model)
         own.fit(part, _reading(part, reading))
-    return own if history_rows is None else own.slim(history_rows)
+    return own if history_rows is None else own._slim(history_rows)
 
 
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
@@ -207,7 +207,7 @@ def _spectrum(
         settings = SearchSettings(candidates=grid)
         own = clone(model)
         y = _reading(part, reading)
-        own.learn_levels(part, y)
+        own._learn_levels(part, y)
         features = _plain(own)
         factored = factors_of(features, *learned(features, part, y), grid, settings)
         reference = reference_spectrum(factored)
@@ -216,7 +216,7 @@ def _spectrum(
 
 def _plain(model: DynamicBiasRegressor) -> DiffusiveFeatures:
     """Static law and further effects of a model."""
-    return model.unfitted_features(())
+    return model._unfitted_features(())
 
 
 class _Named:

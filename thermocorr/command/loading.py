@@ -348,7 +348,7 @@ def readings_to_learn(loaded: Loaded, X: pd.DataFrame, y: Any, given: Sequence[s
                 f"the record began. Got {text!r}."
             )
         stretches.append((number_or_span(start), number_or_span(end)))
-    layout = loaded.model.unfitted_features(()).layout()
+    layout = loaded.model._unfitted_features(()).layout()
     return masked_readings(X, y, layout, stretches) if stretches else y
 
 
@@ -356,7 +356,7 @@ def note_events_outside(loaded: Loaded, X: pd.DataFrame, given: Sequence[str] | 
     """Warn of events that lie outside of the record: they change nothing."""
     if not given:
         return
-    record = read_record(X, loaded.model.unfitted_features(()).layout(), quiet=True)
+    record = read_record(X, loaded.model._unfitted_features(()).layout(), quiet=True)
     seconds = record.times.seconds(slice(0, record.n_rows), record.first_stamp())
     for moment in given:
         if not seconds.min() < since_start(number_or_span(moment), record, "event", "analyze") <= seconds.max():

@@ -193,7 +193,7 @@ def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
     needed = [name for effect in features.effect_list() for name in effect.inputs()]
     fill = features.fill_in if features.filling_.stand_ins else None
     read = read_record(X, features.layout(), y=reading, needed=needed, quiet=True, fill=fill)
-    found: Record = model.without_spoilt(read)
+    found: Record = model._without_spoilt(read)
     return screened(found, features.longest_step())[0] if model.screen else found
 
 

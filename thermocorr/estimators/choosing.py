@@ -144,7 +144,7 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
     further = Thermometers.of(model.temperature).further
     together = None if count is None else count * (1 + len(further))
     settings = SearchSettings(count=together, say=say)
-    plain = model.unfitted_features(()).set_params(products=False)
+    plain = model._unfitted_features(()).set_params(products=False)
     if model.products == "auto" and model.degree > 1:  # a linear law was not asked for
         found = with_products_or_without(plain, X, y, settings)
     else:

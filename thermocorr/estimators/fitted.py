@@ -87,7 +87,7 @@ class FittedModel:
             self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
         return self.standard_errors_
 
-    def law(self) -> Law:
+    def _law(self) -> Law:
         """The coefficients without those of starts and steps, and how well the record determines them.
 
         Raises ValueError for a model read from a file, which has forgotten it.
@@ -168,18 +168,18 @@ class FittedModel:
         orders = [e.order for name, e in features.effects_ if isinstance(e, LagProducts) and name not in given]
         return 3 if 3 in orders else bool(orders)
 
-    def fixed_time_constants(self) -> Any:
+    def _fixed_time_constants(self) -> Any:
         """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
         found = {name: times.tolist() for name, times in self.thermometers_.items()}
         return found if len(found) > 1 else self.time_constants_.tolist()
 
-    def settled(self) -> Any:
+    def _as_chosen(self) -> Any:
         """An unfitted copy; products that a fit has chosen are part of it, as its degree is."""
         return clone(self).set_params(products=self.products_) if hasattr(self, "pipeline_") else clone(self)
 
-    def chosen(self) -> dict[str, Any]:
+    def _choices(self) -> dict[str, Any]:
         """What a fit may choose, as parameters that leave no choice: time_constants and products."""
-        return {"time_constants": self.fixed_time_constants(), "products": self.products_}
+        return {"time_constants": self._fixed_time_constants(), "products": self.products_}
 
     @property
     def reference_temperature_(self) -> float:
@@ -222,7 +222,7 @@ class FittedModel:
         True
         """
         found: dict[str, np.ndarray] = {}
-        for inner in self.inner_blocks(X):
+        for inner in self._inner_blocks(X):
             for name, part in zip(("temperature", "start", "difference"), inner[1:], strict=True):
                 whole = found.setdefault(name, np.full((inner.block.record.n_rows, part.shape[1]), np.nan))
                 whole[inner.block.rows] = part
@@ -230,9 +230,9 @@ class FittedModel:
         parts = [pd.DataFrame(part, columns=self.time_constants_, index=index) for part in found.values()]
         return pd.concat(parts, axis=1, keys=found, names=["", "time constant [s]"])
 
-    def inner_blocks(self, X: Any) -> Iterator[Inner]:
+    def _inner_blocks(self, X: Any) -> Iterator[Inner]:
         """The numbers of `inner_temperatures`, block by block. X may be a `Record` read before."""
-        record, starts, states = self.resumed(X)
+        record, starts, states = self._resumed(X)
         return inner_blocks(self, self.features_.walk_resumed(record, starts, states))
 
     def flags(self, X: Any, y: Any = None) -> Any:
@@ -246,14 +246,14 @@ class FittedModel:
         standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done in gaps
         between rows moves it by as much.
         """
-        reading = None if y is None else self.reading_numbers(X, y)
-        record, starts, _ = self.judged(X)
+        reading = None if y is None else self._reading_numbers(X, y)
+        record, starts, _ = self._resumed_with_gaps(X)
         flags = no_flags(record)
         for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
-            flags[block.rows] = self.block_flags(block, None if reading is None else reading[block.rows])
+            flags[block.rows] = self._block_flags(block, None if reading is None else reading[block.rows])
         return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
 
-    def reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
+    def _reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
         """Readings as numbers, row by row beside X; RecordError where their name says another unit than the fit's."""
         check_reading_unit(self.reading_, y, X)
         return numeric_reading(y, X)
@@ -261,26 +261,26 @@ class FittedModel:
     def _all_coefficients(self) -> np.ndarray:
         return np.concatenate(([self.intercept_], self.coef_))
 
-    def contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
+    def _contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
-        yield from self._weighed_blocks(X, *self.resumed(X))
+        yield from self._weighed_blocks(X, *self._resumed(X))
 
-    def judged_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """`contribution_blocks` of a record that knows what its gaps may move the bias by, for `block_flags`."""
-        yield from self._weighed_blocks(X, *self.judged(X))
+    def _blocks_with_gaps(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
+        """`_contribution_blocks` of a record that knows what its gaps may move the bias by, for `_block_flags`."""
+        yield from self._weighed_blocks(X, *self._resumed_with_gaps(X))
 
     def _weighed_blocks(self, X: Any, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
         check_record(self.reading_, X, record)
         for one in self.features_.filling_.stand_ins:
             if one.column in self.thermometers_:
                 check_range(record, one.column, *one.range)
-        return self.weighed(self.features_.walk_resumed(record, starts, states))
+        return self._weighed(self.features_.walk_resumed(record, starts, states))
 
-    def residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:
+    def _residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:
         """Measured minus modelled reading of a record read with its readings, NaN as in `correct`, block by block."""
         assert record.reading is not None
-        for block, parts in self.contribution_blocks(record):
-            measured = self.believed(block, np.asarray(record.reading[block.rows], float))
+        for block, parts in self._contribution_blocks(record):
+            measured = self._screened(block, np.asarray(record.reading[block.rows], float))
             yield block, measured - (parts.sum(axis=1) + self.intercept_)
 
     def _contributions(self, X: Any) -> np.ndarray:
@@ -291,26 +291,26 @@ class FittedModel:
         """`_contributions`, and the readings that the screen believes, shape (n_rows,)."""
         parts: np.ndarray | None = None
         believed = np.array([] if reading is None else reading[:], float)
-        for block, values in self.contribution_blocks(X):
+        for block, values in self._contribution_blocks(X):
             if parts is None:
                 parts = np.full((block.record.n_rows, values.shape[1]), np.nan, order="F")
             parts[block.rows] = values
             if reading is not None:
-                believed[block.rows] = self.believed(block, believed[block.rows])
+                believed[block.rows] = self._screened(block, believed[block.rows])
         assert parts is not None  # a record has at least one block
         return parts, believed
 
-    def removed_part(self, contributions: np.ndarray) -> np.ndarray:
+    def _removed_part(self, contributions: np.ndarray) -> np.ndarray:
         """The bias that `correct` removes, shape (n,), from the contributions of all effects, shape (n, n_effects)."""
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
-        return np.asarray(contributions[:, removed].sum(axis=1) + self.removed_level)
+        return np.asarray(contributions[:, removed].sum(axis=1) + self._removed_level)
 
     @property
-    def removed_level(self) -> float:
+    def _removed_level(self) -> float:
         """What of U0 is bias: all of it where readings are compared with a reference, else nothing."""
         return 0.0 if self.features_.reference is None else self.intercept_
 
-    def level(self, X: Any) -> Any:
+    def _level(self, X: Any) -> Any:
         """U0 in each row; with a reference the reading that a device without effects would have shown, shape (n_rows,).
 
         NaN where X has no reference.
@@ -323,7 +323,7 @@ class FittedModel:
             return Same(np.nan)
         return np.asarray(numeric_column(X, name, "reference")[:], float) + self.intercept_
 
-    def weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
+    def _weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
         """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_
         edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
@@ -334,25 +334,25 @@ class FittedModel:
                 parts[:, i] = _weighted(step.columns[:, low:high][:, alive], coef[low:high][alive])
             yield step.block, parts
 
-    def filling_error(self) -> FillingError:
+    def _filling_error(self) -> FillingError:
         """Propagates the errors of filled cells to the bias."""
         return FillingError([*self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins)])
 
-    def gap_error(self) -> GapError:
+    def _gap_error(self) -> GapError:
         """Propagates what happened in gaps of later rows to the bias."""
         gaps = self.features_.history_.gaps
         return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
 
-    def resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+    def _resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
         """A new record tied to the fitted one, with what filled cells and doubtful inputs may move its bias by."""
         record, starts, states = self.features_.resume(X, y)
         if record.filled and record.filling_error is None:
-            record = replace(record, filling_error=self.filling_error().of_record(record))
+            record = replace(record, filling_error=self._filling_error().of_record(record))
         if record.twins and record.doubt is None:
-            record = replace(record, doubt=self.doubt_of(record, starts, states))
+            record = replace(record, doubt=self._doubt_of(record, starts, states))
         return record, starts, states
 
-    def doubt_of(
+    def _doubt_of(
         self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
     ) -> NDArray[np.float64]:
         """What the bias differs by where the twins stand in their columns, in each row, shape (n_rows,).
@@ -370,22 +370,22 @@ class FittedModel:
         believed = np.column_stack([record.believed.get(name, none) for name in inputs])
         judged = Doubt(len(inputs), self.residual_std_, self.washout_)
         with np.errstate(over="ignore", invalid="ignore"):  # powers of what is far outside
-            both = (self.weighed(walked(each, starts, states)) for each in (record, other))
+            both = (self._weighed(walked(each, starts, states)) for each in (record, other))
             for (block, one), (_, two) in zip(*both, strict=True):
                 if block.start == record.segments[block.segment].start:
                     judged.put()
-                difference = self.removed_part(one) - self.removed_part(two)
+                difference = self._removed_part(one) - self._removed_part(two)
                 doubt[block.rows] = judged.rows(doubted[block.rows], believed[block.rows], difference, block.seconds)
         return doubt
 
-    def judged(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """`resumed`, with what its inputs may have moved the bias by in gaps."""
-        record, starts, states = self.resumed(X, y)
+    def _resumed_with_gaps(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
+        """`_resumed`, with what its inputs may have moved the bias by in gaps."""
+        record, starts, states = self._resumed(X, y)
         if record.gap_variance is None:
-            record = replace(record, gap_variance=self.gap_error().of_record(record, starts))
+            record = replace(record, gap_variance=self._gap_error().of_record(record, starts))
         return record, starts, states
 
-    def without_spoilt(self, record: Record) -> Record:
+    def _without_spoilt(self, record: Record) -> Record:
         """The record without the readings where filled cells or gaps may move the bias by much.
 
         By a share of the residuals' deviation: in their own rows, and for a while after these.
@@ -396,7 +396,7 @@ class FittedModel:
         rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
         rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 2]]  # a poor first law would leave out all
         if record.filled:
-            spoilt = self.filling_error().of_record(record) > limit
+            spoilt = self._filling_error().of_record(record) > limit
             for errors in record.filled.values():
                 spoilt |= np.isfinite(errors)
             rows = np.concatenate((rows, np.flatnonzero(spoilt)))
@@ -405,7 +405,7 @@ class FittedModel:
         reading: Any = LeftOut(record.reading, np.unique(rows))
         return replace(record, reading=reading)
 
-    def mark_doubted(self, flags: Flags, block: Block) -> None:
+    def _mark_doubted(self, flags: Flags, block: Block) -> None:
         """Flag a block's rows where what is not known of the inputs matters."""
         record = block.record
         if record.held is not None:
@@ -415,11 +415,11 @@ class FittedModel:
             filled |= np.isfinite(errors[block.rows])
         error = np.zeros(len(block)) if record.filling_error is None else record.filling_error[block.rows]
         doubt = np.zeros(len(block)) if record.doubt is None else record.doubt[block.rows]
-        self.mark_doubt(flags, np.hypot(error, doubt), filled)
+        self._mark_doubt(flags, np.hypot(error, doubt), filled)
         if record.gap_variance is not None:
-            self.mark_behind_gaps(flags, record.gap_variance[block.rows])
+            self._mark_behind_gaps(flags, record.gap_variance[block.rows])
 
-    def mark_doubt(self, flags: Flags, doubt: np.ndarray, filled: np.ndarray) -> None:
+    def _mark_doubt(self, flags: Flags, doubt: np.ndarray, filled: np.ndarray) -> None:
         """Flag rows with filled cells, and those where doubtful inputs may move the bias by more than the residuals.
 
         Where nothing graver is said of them.
@@ -428,7 +428,7 @@ class FittedModel:
         flags[mild & filled] = "filled"
         flags[mild & (doubt > self.residual_std_)] = "doubtful input"
 
-    def mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
+    def _mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
         """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
         flags[flags.are("", "outside fitted range", "filled") & (variance > self.residual_std_**2)] = "behind gap"
 
@@ -438,7 +438,7 @@ class FittedModel:
         temperature = features.history_.record.temperature_name
         yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
 
-    def block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
+    def _block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
         """Flags of a block's rows, see `flags`."""
         T = block.temperature
         flags = Flags(len(block))
@@ -447,20 +447,20 @@ class FittedModel:
             outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():
             flags[outside] = "outside fitted range"
-        flags[self.in_washout(block)] = "washout"
+        flags[self._in_washout(block)] = "washout"
         if reading is not None:
             if np.isnan(reading.sum()):
                 flags[np.isnan(reading)] = "no reading"
             for rows, reason in self._refused(block, reading):
                 flags[rows] = reason
-        self.mark_doubted(flags, block)
+        self._mark_doubted(flags, block)
         return flags
 
-    def in_washout(self, block: Block) -> NDArray[np.bool_]:
+    def _in_washout(self, block: Block) -> NDArray[np.bool_]:
         """Rows of a block soon after a start of which nothing is known."""
         return (block.elapsed < self.washout_) & (block.segment_key is None)
 
-    def believed(self, block: Block, reading: np.ndarray) -> np.ndarray:
+    def _screened(self, block: Block, reading: np.ndarray) -> np.ndarray:
         """Readings of a block's rows without those that the screen refuses, shape (n,)."""
         refused = self._refused(block, reading)
         if refused:

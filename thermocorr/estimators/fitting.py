@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _num_samples, check_is_fitted, validate_data
 
 from ..effects import InitialTransient
 from ..effects.grids import since_start
@@ -104,24 +104,20 @@ _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 _DAY = 86400.0
 
 
-def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weights: Mapping[str, Any]) -> Any:
+def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weight: Any) -> Any:
     """The readings to learn from: NaN where they are masked, with weights where some are given.
 
-    `X`, `y`, `mask` (see `DynamicBiasRegressor.fit`). `layout` (Layout): Where things stand in X. `weights`
-    (mapping): Further arguments of `fit`: ``sample_weight``, or none. Raises TypeError for any other argument. Raises
+    `X`, `y`, `mask`, `weight` (see `DynamicBiasRegressor.fit`). `layout` (Layout): Where things stand in X. Raises
     RecordError for masks and weights that do not fit the record.
     """
-    unknown = set(weights) - {"sample_weight"}
-    if unknown:
-        raise TypeError(f"fit() got an unexpected keyword argument {sorted(unknown)[0]!r}")
     _refuse_short_runs(X, layout)
     if mask is not None:
         y = masked_readings(X, y, layout, mask)
-    weight = weights.get("sample_weight")
     if weight is None:
         return y
-    check_same_rows(as_pandas(weight), as_data(X), "sample_weight")
-    return WeightedReading(y, _checked(weight, len(X)))
+    data = as_data(X)
+    check_same_rows(as_pandas(weight), data, "sample_weight")
+    return WeightedReading(y, _checked(weight, _num_samples(data)))
 
 
 def _refuse_short_runs(X: Any, layout: Layout) -> None:

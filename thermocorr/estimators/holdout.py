@@ -79,7 +79,7 @@ def residuals_of_blocks(
         known[block] = np.nan
         if np.isfinite(known).any():
             try:
-                fitted = model.settled().fit(X, known)
+                fitted = model._as_chosen().fit(X, known)
             except RecordError as error:
                 counts = " of ".join(f"{np.isfinite(values).sum()}" for values in (known, reading))
                 raise RecordError(

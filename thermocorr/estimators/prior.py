@@ -77,7 +77,7 @@ class LawPrior:
         """
         if len(models) < FEWEST:
             raise ValueError(f"A fleet of {len(models)} tells too little of one more device: {FEWEST} are the least.")
-        laws = [model.law() for model in models]
+        laws = [model._law() for model in models]
         names = laws[0].columns
         for number, law in enumerate(laws):
             if law.columns != names:
@@ -99,7 +99,7 @@ class LawPrior:
             spread=np.mean([law.triangle.T @ law.triangle / law.n_rows for law in laws], axis=0),
             noise=float(np.median([law.noise for law in laws])),
             reference_temperature=T0,
-            time_constants=models[0].fixed_time_constants(),
+            time_constants=models[0]._fixed_time_constants(),
             temperature_range=(
                 min(law.temperature_range[0] for law in laws),
                 max(law.temperature_range[1] for law in laws),

@@ -172,9 +172,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.prior = prior
         self.verbose = verbose
 
-    __metadata_request__fit = {"sample_weight": None}
-
-    def fit(self, X: Any, y: Any, *, mask: Any = None, **weights: Any) -> DynamicBiasRegressor:
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, *, mask: Any = None) -> DynamicBiasRegressor:
         """Learn the bias from a record.
 
         Parameters
@@ -183,14 +181,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             Temperature and whatever else was recorded; `thermocorr.records.read_record` reads it once for all.
         y : array-like of shape (n_rows,)
             Readings; rows with NaN are left out of the fit, not of the lags.
+        sample_weight : array of shape (n_rows,), optional
+            How much each reading counts: numbers of averages, or one over the squares of known uncertainties. Only
+            their ratios do. Zero leaves a reading out, not its temperature: the lags go on. Uncertainties are refused
+            then, and a diagnosis takes all readings for equally good.
         mask : array of bool of shape (n_rows,), or list of (start, end), optional
             Readings that are not learned from, as if they were NaN: the measurand was changed, somebody was at work. A
             stretch is two moments, both included: dates, or seconds or spans since the record began.
-        sample_weight : array of shape (n_rows,), optional
-            How much each reading counts: numbers of averages, or one over the squares of known uncertainties. Only
-            their ratios do. Zero leaves a reading out, not its temperature: the lags go on. (This is why scikit-learn
-            is not told of it by the signature: it takes a weight of zero for a row that is not there.)
-            Uncertainties are refused then, and a diagnosis takes all readings for equally good.
 
         Raises
         ------
@@ -201,11 +198,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
         check_reference(self.reference, X, y)
-        y = learned_readings(X, y, self.unfitted_features(()).layout(), mask, weights)
+        y = learned_readings(X, y, self._unfitted_features(()).layout(), mask, sample_weight)
         say = printed(self.verbose)
         with one_blas_thread():
             say("reading the record")
-            self.learn_levels(X, y)
+            self._learn_levels(X, y)
             self._degree = self.degree
             self.search_ = choose(self, X, y, say)
             record, believed, prior = self._learn(X, y, say)
@@ -232,7 +229,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:
         """Learn the coefficients; returns the record, the same without spoilt readings, and what was known before."""
-        features = self.unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
+        features = self._unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
         prior = known_before(self, features)
         record = features.learn(X, y, quiet=self.search_ is not None)
         reading = Reading.of(X, y, record)
@@ -244,7 +241,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.alpha_ = penalty(self)
         say(f"fitting {n_columns} columns to {reading.n_readings} readings")
         self._solve(record, features, prior)
-        believed = self.without_spoilt(record)  # what filled cells and gaps spoil is known now
+        believed = self._without_spoilt(record)  # what filled cells and gaps spoil is known now
         if believed is not record:
             self._solve(believed, features, prior)
         return record, believed, prior
@@ -269,8 +266,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """
         if return_std:
             value, u = self._uncertain(X, "reading")
-            return value + (np.asarray(self.level(X)) - self.intercept_), u
-        return np.asarray(self._contributions(X).sum(axis=1) + np.asarray(self.level(X)))
+            return value + (np.asarray(self._level(X)) - self.intercept_), u
+        return np.asarray(self._contributions(X).sum(axis=1) + np.asarray(self._level(X)))
 
     def bias(self, X: Any, return_std: bool = False) -> Any:
         """What `correct` takes away: the modelled reading less U0, and less effects that are to be kept.
@@ -281,7 +278,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if return_std:
             value, u = self._uncertain(X, "bias")
             return like(X, value, "bias"), like(X, u, "u")
-        return like(X, self.removed_part(self._contributions(X)), "bias")
+        return like(X, self._removed_part(self._contributions(X)), "bias")
 
     def correct(self, X: Any, y: Any, return_std: bool = False, average: int | None = None) -> Any:
         """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
@@ -293,12 +290,12 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """
         if average is not None and return_std:
             raise ValueError("correct() takes average or return_std. uncertainty(X, y).mean(rows) has that of a mean.")
-        reading = self.reading_numbers(X, y)
+        reading = self._reading_numbers(X, y)
         if return_std:
             corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
         else:
             parts, believed = self._parts(X, reading)
-            corrected = believed - self.removed_part(parts)
+            corrected = believed - self._removed_part(parts)
         self._check_corrected(corrected, reading)
         if average is not None:
             return like(X, MovingAverage(average).many(corrected), "smoothed")
@@ -307,19 +304,19 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def residuals(self, X: Any, y: Any) -> Any:
         """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
-        parts, believed = self._parts(X, self.reading_numbers(X, y))
-        return like(X, believed - (parts.sum(axis=1) + np.asarray(self.level(X))), "residual")
+        parts, believed = self._parts(X, self._reading_numbers(X, y))
+        return like(X, believed - (parts.sum(axis=1) + np.asarray(self._level(X))), "residual")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
         """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
 
         Warns as `correct` does. With `return_std` a column more: `u`, the standard uncertainty of `corrected`.
         """
-        reading = self.reading_numbers(X, y)
+        reading = self._reading_numbers(X, y)
         n_rows = len(reading)
         columns: dict[str, Any] = {name: np.full(n_rows, np.nan) for name in ("corrected", "model", "residual")}
         flags = Flags(0)
-        for block, values, flagged in self.evaluated_blocks(X, y):
+        for block, values, flagged in self._evaluated_blocks(X, y):
             flags = flags if len(flags) else no_flags(block.record)
             flags[block.rows] = flagged
             for name, part in values.items():
@@ -336,7 +333,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Rows without a temperature, or with a refused one, are left out. The index is X's, or row numbers where it has
         none.
         """
-        for block, values, flagged in self.evaluated_blocks(X, y):
+        for block, values, flagged in self._evaluated_blocks(X, y):
             rows = block.rows
             if isinstance(X, pd.DataFrame):
                 index = X.index[rows]
@@ -366,22 +363,22 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
 
-    def learn_levels(self, X: Any, y: Any) -> None:
+    def _learn_levels(self, X: Any, y: Any) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""
         found = RunLevels()
         if self.run is not None and self.run_offset != "same":
-            features = self.unfitted_features((), RunLevels())
+            features = self._unfitted_features((), RunLevels())
             found = run_levels(features, features.learn(X, y, quiet=True), self.run_offset == "each")
         self.run_levels_ = found
 
-    def count_to_choose(self) -> int | None:
+    def _count_to_choose(self) -> int | None:
         """How many time constants to choose: None leaves their number open, 0 means that they are given."""
         return count_to_choose(self.time_constants)
 
-    def unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
+    def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
         """Features with the settings of this model and the time constants given, before their fit.
 
-        They have the steps between the runs that `learn_levels` found, or those given.
+        They have the steps between the runs that `_learn_levels` found, or those given.
         """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}
@@ -393,17 +390,17 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
 
-    def evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
+    def _evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
-        reading, level = self.reading_numbers(X, y), self.level(X)
-        for block, parts in self.judged_blocks(X):
+        reading, level = self._reading_numbers(X, y), self._level(X)
+        for block, parts in self._blocks_with_gaps(X):
             given = np.asarray(reading[block.rows], float)
-            measured = self.believed(block, given)
+            measured = self._screened(block, given)
             model = parts.sum(axis=1) + level[block.rows]
             yield (
                 block,
-                {"corrected": measured - self.removed_part(parts), "model": model, "residual": measured - model},
-                self.block_flags(block, given),
+                {"corrected": measured - self._removed_part(parts), "model": model, "residual": measured - model},
+                self._block_flags(block, given),
             )
 
     def __sklearn_tags__(self) -> Any:

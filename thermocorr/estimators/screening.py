@@ -65,7 +65,7 @@ def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
     `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are believed. `X`, `y` (as for
     `DynamicBiasRegressor.fit`). Returns array of shape (n_rows,): NaN where there is none, or a refused one.
     """
-    features = model.unfitted_features(())
+    features = model._unfitted_features(())
     error = np.array(error_of(y, as_data(X), model.reference), float)
     reading = np.where(np.isnan(error), np.nan, np.asarray(numeric_reading(y, X), float))
     if model.screen:

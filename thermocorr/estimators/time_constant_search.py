@@ -121,9 +121,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.cv = cv
         self.refit = refit
 
-    __metadata_request__fit = {"sample_weight": None}
-
-    def fit(self, X: Any, y: Any, *, mask: Any = None, **weights: Any) -> TimeConstantSearch:
+    def fit(self, X: Any, y: Any, sample_weight: Any = None, *, mask: Any = None) -> TimeConstantSearch:
         """Search, and fit the best model to the whole record.
 
         Parameters
@@ -147,16 +145,16 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 "DynamicBiasRegressor(temperature=[...], time_constants='auto'), which chooses those of several."
             )
         started = time.perf_counter()
-        learned = learned_readings(X, y, model.unfitted_features(()).layout(), mask, weights)
+        learned = learned_readings(X, y, model._unfitted_features(()).layout(), mask, sample_weight)
         with one_blas_thread():
-            model.learn_levels(X, learned)
+            model._learn_levels(X, learned)
             settings = SearchSettings(self.candidates, self.method, self.count, self.alphas, self.cv)
-            choice = search(model.unfitted_features(()), X, learned, settings)
+            choice = search(model._unfitted_features(()), X, learned, settings)
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:
             started = time.perf_counter()
-            self.best_estimator_ = model.set_params(**self.best_params_).fit(X, y, mask=mask, **weights)
+            self.best_estimator_ = model.set_params(**self.best_params_).fit(X, y, sample_weight, mask=mask)
             self.refit_time_ = time.perf_counter() - started
             for name in ("n_features_in_", "feature_names_in_"):
                 if hasattr(self.best_estimator_, name):

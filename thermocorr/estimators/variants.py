@@ -197,7 +197,7 @@ def compare_variants(
     variants = variants_of(dynamic, degree)
     if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
         tried = clone(dynamic).set_params(degree=degree, products=products)
-        products = tried.settled().fit(X, y).products_
+        products = tried._as_chosen().fit(X, y).products_
     if products not in ("auto", False):
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
@@ -208,7 +208,7 @@ def compare_variants(
     with told(progress, len(variants) * (1 + len(blocks)) + 1) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
-            fitted[name] = variant.settled().fit(X, y)
+            fitted[name] = variant._as_chosen().fit(X, y)
             inside[name] = np.asarray(fitted[name].residuals(X, y))
             outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, partial(_tell, tell, name))
         tell("which of them to use")

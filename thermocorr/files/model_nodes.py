@@ -244,7 +244,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
         "filling": pack_filling(features.filling_),
-        "errors": pack_errors(model.joint_errors(), features.effect_list(), codec) if model.knows_noise else None,
+        "errors": pack_errors(model.joint_errors(), features.effect_list(), codec) if model._knows_noise else None,
     }
 
 
@@ -281,7 +281,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
             if value is not None:
                 seconds_of(value, key)
         model._validate_params()
-        features = model.unfitted_features(())
+        features = model._unfitted_features(())
         features._validate_params()
     except (ValueError, TypeError, AttributeError) as error:
         raise ModelFileError(f"{where}.parameters: {error}") from None

@@ -152,7 +152,7 @@ def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray
     judged = courses(firmware, given)
     bias, size = reference_bias(target, parts, *judged.now, seconds, given.steps)
     other, _ = reference_bias(target, parts, *judged.twin, seconds, given.steps)
-    changed, bias = bias - other, bias + getattr(model, "removed_level", 0.0)
+    changed, bias = bias - other, bias + getattr(model, "_removed_level", 0.0)
     spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
@@ -192,7 +192,7 @@ def _warn_of_coarse_readings(model: Any) -> None:
 def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray]]) -> tuple[Program, TimeCounter]:
     """Let every effect write its part."""
     composer = Composer(program, model.reading_.unit if hasattr(model, "reading_") else "")
-    program.bias_constant += getattr(model, "removed_level", 0.0)
+    program.bias_constant += getattr(model, "_removed_level", 0.0)
     composer.write(*zip(*parts, strict=True))
     settling(program, float(model.washout_))
     return program, composer.clock

@@ -109,7 +109,7 @@ def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, 
     share = float(spoilt.sum() / max(whole.reading_moments().n, 1))
     if share <= MANY:
         return 0.0, 0.0
-    return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model.residual_blocks(whole)]))
+    return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model._residual_blocks(whole)]))
 
 
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
@@ -128,7 +128,7 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
     """Residuals block by block, NaN where the screen of a model's fit would refuse the reading or the temperature."""
     refused = np.concatenate([np.zeros(0, np.intp), *(found.rows for found in judged.refused if model.screen)])
     places = refused if read.order is None else np.flatnonzero(np.isin(read.order, refused))
-    for block, values in model.residual_blocks(read):
+    for block, values in model._residual_blocks(read):
         if len(places):
             values[np.isin(block.places, places)] = np.nan
         yield block, values
@@ -171,7 +171,7 @@ def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Eff
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
     features = model.features_
     fill = features.fill_in if features.filling_.stand_ins else None
-    return model.without_spoilt(
+    return model._without_spoilt(
         read_record(X, features.layout(), y=numeric_reading(y, X), needed=own, quiet=True, fill=fill)
     )
 

@@ -60,7 +60,7 @@ class Stream:
         self.errors = errors
         self.temperature = temperature = history.record.temperature_name
         self.filling = LiveFilling(model, continues) if features.filling_.stand_ins else None
-        self.gap_error = model.gap_error()
+        self.gap_error = model._gap_error()
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
         self._steppers, self._others = (
             [stepper_of(effect, history.record.times, history.zero, temperature) for effect in self.effects]
@@ -75,7 +75,7 @@ class Stream:
             (coef[low:high] * removed).tolist() for (low, high), removed in zip(pairwise(edges), counted, strict=True)
         ]
         self._edges = edges
-        self._level = model.removed_level
+        self._level = model._removed_level
         self._low, self._high = model.reading_.temperature_range
         self._unknown = model.reading_.temperature_gaps
         self._washout, self._deviation = model.washout_, model.residual_std_
@@ -350,21 +350,21 @@ class Stream:
             if column in believed:
                 sure[:, number] = believed[column]
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
-            other_blocks = None if others is None else self.model.weighed(noted(1, *others))
-            for block, parts in self.model.weighed(noted(0, record, states)):
+            other_blocks = None if others is None else self.model._weighed(noted(1, *others))
+            for block, parts in self.model._weighed(noted(0, record, states)):
                 into = rows[block.rows]
-                bias = self.model.removed_part(parts)
-                flags = self.model.block_flags(block, measured[block.rows])
+                bias = self.model._removed_part(parts)
+                flags = self.model._block_flags(block, measured[block.rows])
                 flags[held[into]] = JUMP
                 doubt = np.zeros(len(bias))
                 if other_blocks is not None:
                     if fresh[block.start] and block.start == record.segments[block.segment].start:
                         self._doubts.put()
-                    difference = bias - self.model.removed_part(next(other_blocks)[1])
+                    difference = bias - self.model._removed_part(next(other_blocks)[1])
                     doubt = self._doubts.rows(doubted[block.rows], sure[block.rows], difference, block.seconds)
-                self.model.mark_doubt(flags, np.hypot(doubt, felt[into, 0]), felt[into, 1] > 0)
+                self.model._mark_doubt(flags, np.hypot(doubt, felt[into, 0]), felt[into, 1] > 0)
                 unknown = self.gap_error.of_block(block, behind)
-                self.model.mark_behind_gaps(flags, unknown)
+                self.model._mark_behind_gaps(flags, unknown)
                 absurd = ~np.isfinite(bias)
                 bias[absurd], flags[absurd & flags.are("")] = np.nan, "outside fitted range"
                 flags[flags.are("") & (steps[block.rows] > self.gap)] = "gap"
@@ -377,7 +377,7 @@ class Stream:
                     )
                     found[0] += felt[into, 0] ** 2 + doubt**2 + unknown
                     unsure = np.isnan(measured[block.rows]) | flags.are("no reading")
-                    found[:, unsure | self.model.in_washout(block)] = np.nan
+                    found[:, unsure | self.model._in_washout(block)] = np.nan
                     out.variances[:, into] = found
         end = walked[0][0]
         self._open, self._until, self._behind_gap = True, -math.inf, behind[end.block.segment]

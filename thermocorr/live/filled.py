@@ -419,7 +419,7 @@ class LiveFilling:
     def __init__(self, model: DynamicBiasRegressor, continues: bool):
         features = model.features_
         self.filling, self.history, self.continues = features.filling_, features.history_, continues
-        self.law = model.filling_error()
+        self.law = model._filling_error()
         self.max_gap = np.inf if self.history.max_gap is None else self.history.max_gap
         self.ranges = [(one.column, *one.range) for one in self.filling.stand_ins]
         self.n_ended = 0

@@ -273,7 +273,7 @@ def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
 def _behind_gap(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...] | None, ...]:
     if node == []:
         return ()
-    laws = model.gap_error().laws
+    laws = model._gap_error().laws
     return tuple(
         None if each is None else tuple(_finite(items(each, f"{where}[{i}]", len(law.weights) ** 2), f"{where}[{i}]"))
         for i, (each, law) in enumerate(zip(items(node, where, len(laws)), laws, strict=True))

@@ -66,13 +66,13 @@ class Traces:
         n_rows, known, squares = 0, 0, 0.0
         corrected, readings = Moments(), Moments()
         reading = numeric_reading(y, X)
-        for block, values, flagged in model.evaluated_blocks(X, y):
+        for block, values, flagged in model._evaluated_blocks(X, y):
             zero = block.record.times.between(block.record.first_stamp(), block.zero)
             for name, count in flagged.counts().items():
                 flags[name] = flags.get(name, 0) + count
             columns = {
                 "temperature": block.temperature,
-                "reading": model.believed(block, np.asarray(reading[block.rows], float)),
+                "reading": model._screened(block, np.asarray(reading[block.rows], float)),
             }
             columns |= {name: values[name] for name in ("model", "corrected", "residual")}
             corrected = corrected.merged(Moments.of(values["corrected"]))

@@ -154,7 +154,7 @@ def _left_behind(model: Any, traces: Traces) -> str:
 
 def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
     """What makes a corrected reading of the fitted record uncertain, usually."""
-    if not model.knows_noise:
+    if not model._knows_noise:
         return ()
     joint = model.joint_errors()
     parts = {

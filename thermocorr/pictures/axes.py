@@ -515,9 +515,9 @@ class Walk:
 
     def __init__(self, model: Any, X: Any, y: Any = None):
         self.model = regressor_of(model)
-        self._reading = None if y is None else self.model.reading_numbers(X, y)
-        self._level = self.model.level(X)
-        self._blocks = self.model.contribution_blocks(X)
+        self._reading = None if y is None else self.model._reading_numbers(X, y)
+        self._level = self.model._level(X)
+        self._blocks = self.model._contribution_blocks(X)
         self._first = next(self._blocks)  # a record has at least one block
         self.record: Record = self._first[0].record
         self.timeline = TimeLine.of(self.record, zone_of(X, self.model.features_.time), without_times(self.model))
@@ -539,7 +539,7 @@ class Walk:
 
     def corrected(self, part: SegmentRows) -> np.ndarray:
         """Readings of a part less the bias that `correct` removes."""
-        return np.asarray(part.measured - self.model.removed_part(part.contributions))
+        return np.asarray(part.measured - self.model._removed_part(part.contributions))
 
     def parts(self) -> Iterator[SegmentRows]:
         """Walk; once."""
@@ -548,7 +548,7 @@ class Walk:
 
     def inner(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, Inner]]:
         """Segment, seconds since the first row, ambient and inner temperatures of the rows, block by block."""
-        for inner in self.model.inner_blocks(self.record):
+        for inner in self.model._inner_blocks(self.record):
             block = inner.block
             yield block.segment, block.seconds - self._shift, block.temperature, inner
 
@@ -562,7 +562,7 @@ class Walk:
         if self._reading is None:
             measured = np.full(len(block), np.nan)
         else:
-            measured = self.model.believed(block, np.asarray(self._reading[block.rows], float))
+            measured = self.model._screened(block, np.asarray(self._reading[block.rows], float))
         return SegmentRows(
             segment=block.segment,
             rows=block.rows,

@@ -219,7 +219,7 @@ class StepResponseDisplay(Display):
         times = _times(fitted)
         columns = _columns(fitted, effects, times, step)
         value = columns @ fitted.coef_
-        if fitted.knows_noise:
+        if fitted._knows_noise:
             joint = fitted.joint_errors()
             error = joint.combined(_columns(fitted, joint.effects, times, step), value)
         else:

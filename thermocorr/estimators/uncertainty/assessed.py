@@ -67,8 +67,8 @@ def uncertainty_of(
         if record.reading is None:
             raise RecordError("There are no readings. Pass y, the readings of the rows of X.")
         given = np.asarray(record.reading[rows], float)
-        flags = model.block_flags(block, given)
-        measured = np.where(model.in_washout(block), np.nan, model.believed(block, given))
+        flags = model._block_flags(block, given)
+        measured = np.where(model._in_washout(block), np.nan, model._screened(block, given))
         corrected[rows], bias[rows] = measured - value, value
         lost = np.where(np.isfinite(measured), 0.0, np.nan)
         wander, bias_variance = noise.wander_variance * errors.noise, errors.level + errors.coefficients
@@ -152,11 +152,11 @@ class SignedModel(FittedModel):
             """Modelled reading, of `DynamicBiasRegressor`."""
 
     @property
-    def knows_noise(self) -> bool:
+    def _knows_noise(self) -> bool:
         """Whether the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
-    def slim(self, history_rows: int = 100) -> Any:
+    def _slim(self, history_rows: int = 100) -> Any:
         """Forget the fitted record but for so many rows: small to send and to keep, as a model read from a file.
 
         Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
@@ -165,13 +165,13 @@ class SignedModel(FittedModel):
         if history_rows < 1:
             raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
         self.standard_errors()
-        if self.knows_noise:
+        if self._knows_noise:
             errors = self.joint_errors()
             self.joint_errors_ = replace(errors, history=errors.history.thinned(history_rows))
         features = self.features_
         features.history_ = features.history_.thinned(history_rows)
         if hasattr(self, "_swept"):
-            self.law_ = self.law()
+            self.law_ = self._law()
             del self._swept
         return self
 
@@ -179,7 +179,7 @@ class SignedModel(FittedModel):
         """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""
         check_is_fitted(self, "pipeline_")
         if not hasattr(self, "joint_errors_"):
-            if not self.knows_noise:
+            if not self._knows_noise:
                 raise ValueError(UNKNOWN)
             with one_blas_thread():
                 self.joint_errors_ = joint_errors(self, self._swept, self._solution)
@@ -253,7 +253,7 @@ class SignedModel(FittedModel):
         joint = self.joint_errors()
         if doubt := too_short(joint):
             warn(doubt)
-        record, _, _ = self.judged(X, y)
+        record, _, _ = self._resumed_with_gaps(X, y)
         return uncertainty_of(
             self,
             joint,
@@ -271,18 +271,18 @@ class SignedModel(FittedModel):
     def _uncertain(self, X: Any, of: str, reading: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The "bias", the "corrected" reading or a "reading" to come, and its standard uncertainty, (n_rows,) each."""
         joint = self.joint_errors()
-        record, _, _ = self.judged(X)
+        record, _, _ = self._resumed_with_gaps(X)
         values, result = np.full(record.n_rows, np.nan), np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")
         runs = {segment.run for segment in self.features_.history_.record.segments}
         of_levels = level_variance(self) if of == "reading" else 0.0
         for block, value, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
-            variance[self.in_washout(block)] = np.nan
+            variance[self._in_washout(block)] = np.nan
             if record.segments[block.segment].run not in runs:  # its level is not known
                 variance += of_levels
             if reading is not None:
-                value = self.believed(block, reading[block.rows]) - value
+                value = self._screened(block, reading[block.rows]) - value
                 variance[np.isnan(value)] = np.nan
             values[block.rows] = value
             result[block.rows] = np.sqrt(variance + block.record.input_variance(block.rows))

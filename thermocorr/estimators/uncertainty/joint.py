@@ -473,10 +473,10 @@ def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool 
             key: [_settled(state, change[0]) if f else state for state, f in zip(own, follow, strict=True)]
             for key, own in states.items()
         }
-    before = model.weighed(features.walk_resumed(kept, starts, states))
-    after = model.weighed(features.walk_resumed(moved, starts, later))
+    before = model._weighed(features.walk_resumed(kept, starts, states))
+    after = model._weighed(features.walk_resumed(moved, starts, later))
     for (block, old), (_, new) in zip(before, after, strict=True):
-        result[block.rows] = model.removed_part(new) - model.removed_part(old)
+        result[block.rows] = model._removed_part(new) - model._removed_part(old)
     return result
 
 
@@ -558,8 +558,8 @@ class ErrorWalk:
             kept, begun, known = resume(joint.effects, joint.history, record)
             wide = walk(joint.effects, kept, zero=joint.history.zero, starts=begun, states=known)
         parts = [effect.removed_by_correct or not self.removed for effect in model.features_.effect_list()]
-        constant = model.removed_level if self.removed else model.intercept_
-        for block, contributions in model.weighed(noted()):
+        constant = model._removed_level if self.removed else model.intercept_
+        for block, contributions in model._weighed(noted()):
             value = contributions[:, parts].sum(axis=1) + constant
             columns = next(wide, walked[0]).columns
             yield block, value, self.errors(columns, block.seconds, block.temperature, value, block.segment_key)
