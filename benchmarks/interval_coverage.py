@@ -23,9 +23,10 @@ import pandas as pd
 from joblib import Parallel, delayed
 from null_records import NOISES, remembering
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, StepResponseDisplay
+from thermocorr import DynamicBiasRegressor, RecordWarning
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
+from thermocorr.displays import StepResponseDisplay
 from thermocorr.estimators.uncertainty.signed import coverage_factor
 
 NOISE = 0.2

@@ -19,7 +19,8 @@ import pandas as pd
 from real_diagnosis import every
 from scipy.signal import lfilter
 
-from thermocorr import RecordWarning, VariantComparison, compare_variants
+from thermocorr import RecordWarning, compare_variants
+from thermocorr.estimators import VariantComparison
 
 N = 600
 Draw = Callable[[np.random.Generator], np.ndarray]

@@ -7,9 +7,9 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
+from thermocorr.displays import AllanDisplay
 from thermocorr.equations import AllanStream, allan_deviation
 from thermocorr.equations.allan import edf_overlapping
-from thermocorr.pictures import AllanDisplay
 
 STEP = 15.0
 

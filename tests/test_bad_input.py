@@ -7,20 +7,13 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    MergedRidge,
-    OnlineCorrector,
-    TimeConstantSearch,
-    compare_variants,
-    diagnose,
-    held_out_residuals,
-    refine,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, compare_variants, diagnose, refine
 from thermocorr.datasets import load_real_record, make_record
+from thermocorr.displays import AllanDisplay
 from thermocorr.effects import Covariate, LaggedCovariate
 from thermocorr.equations import allan_deviation
-from thermocorr.pictures import AllanDisplay
+from thermocorr.estimators import MergedRidge
+from thermocorr.validation import held_out_residuals
 
 N = 300
 

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from sklearn.preprocessing import SplineTransformer
 
-from thermocorr import DynamicBiasRegressor, RecordError, WhereDisplay, diagnose, refine
+from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.command.analyze import places
 from thermocorr.datasets import load_voltage_reference, make_record
+from thermocorr.displays import WhereDisplay
+from thermocorr.displays.words import aspect_text, each_row, place_text
 from thermocorr.effects import Covariate, Effect, Hysteresis
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.firmware import export_c
-from thermocorr.pictures.words import aspect_text, each_row, place_text
 
 N = 10_000
 

@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import (
+from thermocorr import DynamicBiasRegressor, compare_variants
+from thermocorr.datasets import make_record
+from thermocorr.displays import (
     AllanDisplay,
     ContributionsDisplay,
-    DynamicBiasRegressor,
     InnerTemperaturesDisplay,
     ResidualLoopDisplay,
     ResidualsDisplay,
@@ -20,10 +21,8 @@ from thermocorr import (
     SuspectsDisplay,
     VariantsDisplay,
     WhereDisplay,
-    compare_variants,
 )
-from thermocorr.datasets import make_record
-from thermocorr.pictures.axes import label_log_values, label_values, pyplot
+from thermocorr.displays.axes import label_log_values, label_values, pyplot
 from thermocorr.records.numbers import scale_of
 
 pytestmark = pytest.mark.usefixtures("drawing")

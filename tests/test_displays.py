@@ -9,29 +9,24 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from thermocorr import (
+from thermocorr import DynamicBiasRegressor, ParquetLog, TimeConstantSearch, compare_variants, diagnose, refine
+from thermocorr.datasets import make_record
+from thermocorr.displays import (
     AllanDisplay,
-    Budget,
     BudgetDisplay,
     ContributionsDisplay,
-    DynamicBiasRegressor,
-    ParquetLog,
     RefinementDisplay,
     ResidualLoopDisplay,
     ResidualsDisplay,
     SpectrumDisplay,
     StepResponseDisplay,
     SuspectsDisplay,
-    TimeConstantSearch,
     VariantsDisplay,
     WhereDisplay,
-    compare_variants,
-    diagnose,
-    refine,
 )
-from thermocorr.datasets import make_record
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
+from thermocorr.estimators import Budget
 from thermocorr.estimators.uncertainty.signed import BudgetLine
 
 pytestmark = pytest.mark.usefixtures("drawing")

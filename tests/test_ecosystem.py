@@ -20,7 +20,6 @@ from sklearn.preprocessing import SplineTransformer, StandardScaler
 from thermocorr import (
     DiffusiveFeatures,
     DynamicBiasRegressor,
-    MergedRidge,
     OnlineCorrector,
     RecordError,
     TimeConstantSearch,
@@ -28,6 +27,7 @@ from thermocorr import (
     diagnose,
 )
 from thermocorr.effects import Covariate
+from thermocorr.estimators import MergedRidge
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, RecordError, ResidualsDisplay, diagnose
+from thermocorr import DynamicBiasRegressor, RecordError, diagnose
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.displays import ResidualsDisplay
 from thermocorr.effects import Step
 from thermocorr.foreign import ForeignTable, HowToRead, with_times
 from thermocorr.foreign.clocks import understood as read_times

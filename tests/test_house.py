@@ -21,7 +21,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 ROOT = Path(__file__).parents[1]
 BESIDE = sorted(path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py"))
 FLOORS = {
-    "equations": 0, "records": 1, "foreign": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "pictures": 4,
+    "equations": 0, "records": 1, "foreign": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "displays": 4,
     "cluster": 4, "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "interactive": 7,
     "command": 8,
 }  # fmt: skip
@@ -83,7 +83,7 @@ def parsed(path):
 def test_every_room_has_a_floor():
     rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
     assert rooms == set(FLOORS)
-    assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py", "_version.py"]
+    assert sorted(path.name for path in PACKAGE.glob("*.py")) == ["__init__.py", "__main__.py", "_version.py", "validation.py"]
 
 
 @for_each(FILES)

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, InnerTemperaturesDisplay
+from thermocorr import DynamicBiasRegressor
+from thermocorr.displays import InnerTemperaturesDisplay
 from thermocorr.effects import InitialTransient
 
 TAUS = (600.0, 7200.0)

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from nist_data import SETS
 
-from thermocorr import MergedRidge
 from thermocorr.equations import AllanStream, allan_deviation
+from thermocorr.estimators import MergedRidge
 
 # Certified digits reached, -log10(|b - c| / |c|) of the worst number of a set, as measured on 400 partitions into
 # blocks with numpy 1.26 and 2.4, scipy 1.12 and 1.17 and seven kernels of OpenBLAS: coefficients in the worst partition

@@ -8,10 +8,11 @@ import sys
 import numpy as np
 import pytest
 
-from thermocorr import DynamicBiasRegressor, compare_variants, held_out_residuals, refine
+from thermocorr import DynamicBiasRegressor, compare_variants, refine
 from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
 from thermocorr.estimators.progress import told
+from thermocorr.validation import held_out_residuals
 
 
 class Terminal(io.StringIO):

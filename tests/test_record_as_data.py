@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, RecordError, compare_variants, diagnose, refine, thermometer_errors
+from thermocorr import DynamicBiasRegressor, RecordError, compare_variants, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.records import Layout, Record, read_record
+from thermocorr.validation import thermometer_errors
 
 USED = ["temperature", "pressure", "supply", "mains"]
 

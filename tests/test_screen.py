@@ -16,7 +16,6 @@ from thermocorr import (
     RecordWarning,
     compare_variants,
     diagnose,
-    held_out_residuals,
     load_model,
     refine,
     save_model,
@@ -25,6 +24,7 @@ from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.equations.spikes import spikes, usual_of
 from thermocorr.records.screen import Limits
+from thermocorr.validation import held_out_residuals
 
 N = 20_000
 TAUS = ["5 min", "90 min"]

@@ -10,22 +10,14 @@ import pytest
 from effect_records import columns_of
 from sklearn.base import clone
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    OnlineCorrector,
-    StepResponseDisplay,
-    Thermometer,
-    diagnose,
-    load_model,
-    refine,
-    save_model,
-    thermometer_errors,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, Thermometer, diagnose, load_model, refine, save_model
 from thermocorr.datasets import make_record
+from thermocorr.displays import StepResponseDisplay
 from thermocorr.effects import ThermometerNoise
 from thermocorr.equations.statistics import white_part
 from thermocorr.records import Record, RecordError, Segment
 from thermocorr.records.times import Times
+from thermocorr.validation import thermometer_errors
 
 pytestmark = pytest.mark.newest
 

@@ -14,11 +14,12 @@ import pytest
 from browser import complaints, resize
 from visitors import until
 
-from thermocorr import Diagnosis, DynamicBiasRegressor, workbench
+from thermocorr import DynamicBiasRegressor, workbench
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.interactive.browser import page_assets
 from thermocorr.interactive.browser.widget import Desk, bench_of
+from thermocorr.judgement import Diagnosis
 
 pytestmark = pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
 

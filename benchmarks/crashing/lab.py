@@ -15,8 +15,9 @@ from typing import Any
 
 import pandas as pd
 
-from thermocorr import Diagnosis, DynamicBiasRegressor, RecordWarning, Refinement, diagnose, refine, save_model
+from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, refine, save_model
 from thermocorr.datasets import make_record
+from thermocorr.judgement import Diagnosis, Refinement
 
 FITTED, ROWS, LONG = 500, 250, 1000
 """Rows that the model is fitted to; of a log that is fed piece by piece; of one that is there from the start."""

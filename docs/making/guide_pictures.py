@@ -46,9 +46,9 @@ PICTURES: dict[str, dict[str, Callable[[dict[str, Any]], Any]]] = {
 
 
 def _displays() -> Any:
-    from thermocorr import pictures
+    from thermocorr import displays
 
-    return pictures
+    return displays
 
 
 def draw_all(folder: Path) -> None:

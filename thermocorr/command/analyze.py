@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from ..displays.residual_displays import added_noise
+from ..displays.words import aspect_text, each_row, further_text, interval_text
 from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
 from ..estimators.progress import Progress, has_bars, told
@@ -21,8 +23,6 @@ from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Answer
 from ..pages.report import report_text
-from ..pictures.residual_displays import added_noise
-from ..pictures.words import aspect_text, each_row, further_text, interval_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import printable
 from ..records.numbers import number_text, scale_of, span_text

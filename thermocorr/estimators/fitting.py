@@ -56,7 +56,7 @@ class MergedRidge(RegressorMixin, BaseEstimator):
     Examples
     --------
     >>> import numpy as np
-    >>> from thermocorr import MergedRidge
+    >>> from thermocorr.estimators import MergedRidge
     >>> Q = np.arange(10.0)[:, None]
     >>> ridge = MergedRidge().fit(Q, 3.0 + 2.0 * Q[:, 0])
     >>> float(round(ridge.intercept_, 6)), ridge.coef_.round(6)

@@ -53,7 +53,8 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     Examples
     --------
     >>> import numpy as np
-    >>> from thermocorr import DynamicBiasRegressor, held_out_residuals
+    >>> from thermocorr import DynamicBiasRegressor
+    >>> from thermocorr.validation import held_out_residuals
     >>> from thermocorr.datasets import make_record
     >>> record = make_record(4000, seed=1)
     >>> model = DynamicBiasRegressor("temperature", ["5 min", "90 min"])

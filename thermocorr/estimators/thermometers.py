@@ -25,8 +25,8 @@ PREFIX = "thermometer_"
 class Thermometer:
     """A column of temperatures, and what its thermometer is known to do wrong: an item of the parameter `temperature`.
 
-    What is not declared is estimated where a record shows it, see `thermocorr.thermometer_errors`. A diagnosis takes
-    it for the cause of what it explains.
+    What is not declared is estimated where a record shows it, see `thermocorr.validation.thermometer_errors`. A
+    diagnosis takes it for the cause of what it explains.
 
     Parameters
     ----------

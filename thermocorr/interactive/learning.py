@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..displays.axes import TimeLine, Walk
 from ..effects import Rate, SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
@@ -26,7 +27,6 @@ from ..judgement.where import largest_lag
 from ..pages import figures
 from ..pages.charts import recorded
 from ..pages.html import percent_text, quantity
-from ..pictures.axes import TimeLine, Walk
 from ..records import Record, RecordError, RecordWarning
 from ..records.numbers import Scale, scale_of, span_texts
 from ..records.types import kind_of

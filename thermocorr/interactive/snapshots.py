@@ -8,15 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects.thermal import column_text
-from ..estimators.tables import VERDICTS
-from ..foreign import guess
-from ..judgement import Diagnosis
-from ..judgement.where import largest_lag
-from ..pages.chapters import HELPS, Scales, parameters_text
-from ..pages.html import units_of_axis, with_signs
-from ..pictures.axes import stretches
-from ..pictures.words import (
+from ..displays.axes import stretches
+from ..displays.words import (
     aspect_text,
     better_text,
     each_row,
@@ -27,6 +20,13 @@ from ..pictures.words import (
     share_of_samples,
     when_text,
 )
+from ..effects.thermal import column_text
+from ..estimators.tables import VERDICTS
+from ..foreign import guess
+from ..judgement import Diagnosis
+from ..judgement.where import largest_lag
+from ..pages.chapters import HELPS, Scales, parameters_text
+from ..pages.html import units_of_axis, with_signs
 from ..records.errors import printable
 from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of

@@ -12,6 +12,7 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from ..displays.words import effect_text
 from ..effects import CATALOGUE, Covariate, Drift, Hysteresis, LaggedCovariate, LogAgeing
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
@@ -21,7 +22,6 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import Grounds, verdict_on
 from ..pages import PageData
 from ..pages.chapters import Scales, parameters_text
-from ..pictures.words import effect_text
 from ..records import Record
 from ..records.numbers import is_frame
 from ..records.record_log import as_data

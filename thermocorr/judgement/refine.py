@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..displays.words import effect_text
 from ..effects import CATALOGUE, Hinge, LaggedCovariate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
@@ -20,7 +21,6 @@ from ..estimators.progress import Progress, told
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
-from ..pictures.words import effect_text
 from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
 from .diagnose import diagnose
@@ -74,7 +74,7 @@ class Refinement(RefinementPage):
 
     def plot(self) -> Any:
         """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
-        from ..pictures import plot_refinement
+        from ..displays import plot_refinement
 
         return plot_refinement(self)
 

@@ -13,6 +13,7 @@ import pandas as pd
 from scipy import stats
 from sklearn.base import clone
 
+from ..displays.words import each_row, effect_text, left_sentences, small_sentence, suspect_sentence, worst_sentence
 from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
@@ -21,7 +22,6 @@ from ..estimators.out_of_sample import OutOfSample
 from ..estimators.screening import BURST
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
-from ..pictures.words import each_row, effect_text, left_sentences, small_sentence, suspect_sentence, worst_sentence
 from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, scale_of
@@ -84,8 +84,8 @@ class Left:
     loud: tuple[Loud, ...]
     """Stretches of loud noise, the largest first, at most ten: their readings count less."""
     thermometers: pd.DataFrame = field(compare=False)
-    """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`; empty where
-    nothing wanders, and where the record was judged by averages."""
+    """What the errors of the thermometers make in the reading, see `thermocorr.validation.thermometer_errors`; empty
+    where nothing wanders, and where the record was judged by averages."""
     smallest_drift: float
     """Drift over the record that it could have shown, in the unit of y; infinite where it could have shown none."""
     smallest_step: float
@@ -525,6 +525,6 @@ class Diagnosis(DiagnosisPage):
 
         `X`, the record, tells the units of its columns.
         """
-        from ..pictures import plot_diagnosis
+        from ..displays import plot_diagnosis
 
         return plot_diagnosis(self, X)

@@ -375,7 +375,7 @@ class Pool:
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:
-        """What the errors of the thermometers make in the reading, see `thermocorr.thermometer_errors`.
+        """What the errors of the thermometers make in the reading, see `thermocorr.validation.thermometer_errors`.
 
         Empty for averages, which hide them.
         """

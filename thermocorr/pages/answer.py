@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..displays.words import better_text, effect_text, further_text, left_sentences, probability_text, small_sentence
 from ..estimators.advice import REFINED, Advice, advise_refined
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
-from ..pictures.words import better_text, effect_text, further_text, left_sentences, probability_text, small_sentence
 from ..records.errors import printable
 from ..records.numbers import Scale, scale_of
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from ..displays.words import MINUS, each_row, effect_text, left_sentences, share_of_samples, small_sentence
 from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
-from ..pictures.words import MINUS, each_row, effect_text, left_sentences, share_of_samples, small_sentence
 from ..records.errors import quoted
 from ..records.numbers import Scale, scale_of, span_text, unit_text
 from ..records.units import difference_unit

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from ..displays.axes import FINE_TIMES, TIMES, TimeLine
 from ..equations.statistics import Moments
-from ..pictures.axes import FINE_TIMES, TIMES, TimeLine
 from ..records.labels import is_state, state
 from ..records.numbers import SPANS, is_frame, numeric_reading, unit_text
 from ..records.units import without_unit
@@ -30,7 +30,7 @@ class Traces:
 
     seconds: np.ndarray
     """Place on the time line [s], shape (n,), never decreasing: time since the first row, unless runs overlap or the
-    record is mostly gaps, see `thermocorr.pictures.axes.TimeLine`."""
+    record is mostly gaps, see `thermocorr.displays.axes.TimeLine`."""
     columns: dict[str, np.ndarray]
     """Temperature, reading, model, corrected, residual, and recorded columns asked for; NaN where unknown, and between
     segments."""

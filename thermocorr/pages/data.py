@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from .._version import __version__
+from ..displays import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
+from ..displays.axes import TimeLine, Walk
+from ..displays.residual_displays import added_noise_shown
 from ..effects.thermal import column_text
-from ..pictures import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
-from ..pictures.axes import TimeLine, Walk
-from ..pictures.residual_displays import added_noise_shown
 from ..records import Record
 from ..records.numbers import quantity_texts, span_text
 from ..records.units import unit_of

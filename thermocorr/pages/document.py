@@ -10,8 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from ..displays.axes import stretches
 from ..files import write_file
-from ..pictures.axes import stretches
 from . import chapters, figures
 from .answer import Answer
 from .chapters import brief_diagnosis, brief_refinement

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..displays import SpectrumDisplay
+from ..displays.axes import TimeLine
 from ..estimators.time_constants.search import CONFIDENCE_95
-from ..pictures import SpectrumDisplay
-from ..pictures.axes import TimeLine
 from ..records.numbers import SPANS, span_text, span_unit, unit_text
 from ..records.units import difference_unit
 from .charts import Chart, ChartLine, Panel

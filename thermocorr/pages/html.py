@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from ..pictures.words import MINUS, aspect_text, better_text, effect_text, interval_text, place_text
+from ..displays.words import MINUS, aspect_text, better_text, effect_text, interval_text, place_text
 from ..records.errors import printable
 from ..records.numbers import SUPERSCRIPTS, Scale, prefixed, scale_of, span_text, unit_text
 from ..records.units import without_unit
