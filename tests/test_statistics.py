@@ -9,8 +9,11 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from thermocorr.equations import moving_average, reduction_db
+from thermocorr.equations.statistics import whiteness
 
 
 def naive(values, window):
@@ -101,3 +104,23 @@ def test_reduction_from_or_to_nothing_is_infinite_without_a_warning():
     assert reduction_db(1.0, 0.0) == math.inf
     assert math.isnan(reduction_db(0.0, 0.0))
     assert isinstance(reduction_db(1, 3), float)
+
+
+def test_white_noise_is_white_and_what_wanders_is_not():
+    """p values of white noise are even; those of a weak memory are small, over breaks too."""
+    rng = np.random.default_rng(5)
+    found = np.array([whiteness([rng.normal(size=300), rng.normal(size=100)]) for _ in range(400)])
+    assert (np.abs(np.quantile(found, [0.1, 0.5, 0.9], axis=0) - [[0.1], [0.5], [0.9]]) < 0.08).all()
+    wander = lfilter([1.0], [1.0, -0.5], rng.normal(size=400))
+    assert max(whiteness([wander[:200], wander[200:]])) < 1e-6
+    gap = np.where(np.arange(400) % 40 == 7, np.nan, wander)
+    assert max(whiteness([gap])) < 1e-6
+    assert np.isnan(whiteness([wander[:30]])).all() and np.isnan(whiteness([np.ones(100)])).all()
+
+
+def test_ljung_and_box_by_the_formula():
+    values = np.random.default_rng(1).normal(size=100)
+    centred = values - values.mean()
+    r = np.array([centred[k:] @ centred[:-k] for k in range(1, 6)]) / (centred @ centred)
+    expected = chi2.sf(100 * 102 * np.sum(r**2 / (100 - np.arange(1, 6))), 5)
+    assert whiteness([values], 5)[0] == pytest.approx(expected, rel=1e-12)
