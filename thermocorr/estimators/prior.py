@@ -115,7 +115,7 @@ class LawPrior:
         if isinstance(prior, Mapping) and "covariance" in prior:
             return cls._read(prior)
         models = list(prior.values()) if isinstance(prior, Mapping) else prior
-        if not isinstance(models, list | tuple) or not all(hasattr(model, "law") for model in models):
+        if not isinstance(models, list | tuple) or not all(hasattr(model, "_law") for model in models):
             raise ValueError(
                 f"The 'prior' parameter must be a Fleet (from fit_fleet) or a LawPrior. Got {prior!r:.60} instead."
             )
