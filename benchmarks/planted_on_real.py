@@ -6,7 +6,7 @@
 Each record keeps what nature did to it. A plant is sized by an oracle: generalised least squares, beside lags of at
 most a tenth of the record, with the spectrum fitted to the record's own residual, gains `--gain` in log likelihood on
 the average when the planted column is taken in. Recorded columns of other places (decoys, and one of them the culprit
-where a column is planted) stand beside the temperature.
+where a column is planted) stand besides the temperature.
 
 Printed for each record and together: plant among the causes, in a declared set, decoys named, nobody accused.
 """

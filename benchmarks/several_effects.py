@@ -4,7 +4,7 @@
     python benchmarks/several_effects.py --effects 3 --strength 1 --refine
 
 Settings, devices and decoy columns are those of `hidden_effects.py`; the kinds are drawn anew for each record. An
-effect counts where the record can show it: what is left of it beside the base model's columns and the other effects
+effect counts where the record can show it: what is left of it given the base model's columns and the other effects
 gains at least `SHOWN` in log likelihood under the noise, which is white. It is found where it is a cause or in a
 cause's declared set; a label is untrue where a cause's set holds no planted effect. A lagged column has the column as
 it is, too (`LaggedCovariate`): where both are planted, its name says both. With `--refine`, the rms error of
@@ -44,7 +44,7 @@ def drawn(setting: str, seed: int, n: int) -> list[str]:
 
 
 def gains(case: Case, kinds: list[str]) -> list[float]:
-    """Log likelihood that each planted effect gains beside the base model and the other effects."""
+    """Log likelihood that each planted effect gains given the base model and the other effects."""
     base = np.asarray(case.model.features_.transform(case.X), float)
     columns = case.truth[kinds].to_numpy()
     found = []

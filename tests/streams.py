@@ -23,7 +23,7 @@ def stream(n=3000, seed=0, holes=True):
 
 
 def one_by_one(live, X, y, **columns):
-    """What the corrector says of each row; `columns` are what its effects need beside the temperature."""
+    """What the corrector says of each row; `columns` are what its effects need besides the temperature."""
     rows = zip(X.index, X["temperature"], y, *columns.values(), strict=True)
     return [live.update(t, T, U, **dict(zip(columns, more, strict=True))) for t, T, U, *more in rows]
 

@@ -30,7 +30,7 @@ class Fleet(dict[Any, DynamicBiasRegressor]):
 
     @property
     def prior(self) -> LawPrior:
-        """What the fleet tells of one more device of its make; ValueError where it tells nothing."""
+        """Prior for one more device of the same make; ValueError where the fleet gives none."""
         return LawPrior.of(list(self.values()))
 
     def __sklearn_clone__(self) -> Fleet:
@@ -202,7 +202,7 @@ def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> t
 def _spectrum(
     part: Part, name: Any, reading: str, model: DynamicBiasRegressor, grid: np.ndarray
 ) -> tuple[Projected, float]:
-    """What `project` needs of a device, and its ridge penalty."""
+    """Spectrum of a device as `project` needs it, and its ridge penalty."""
     with _Named(name), one_blas_thread():
         settings = SearchSettings(candidates=grid)
         own = clone(model)

@@ -174,7 +174,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
 
 
 def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
-    """How the log was understood."""
+    """Say how the log was read."""
     model = next(iter(comparison.models.values()))
     thermometers, unit = model.thermometers_, model.reading_.temperature_unit
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
@@ -195,7 +195,7 @@ def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> Dy
 
 
 def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor) -> str:
-    """What the answer leaves out."""
+    """Further text that the answer leaves out."""
     said = ["", *(f"Data: {note}" for note in answer.notes), str(answer.comparison)]
     said.append(str(answer.comparison.advice if answer.asked and answer.comparison else answer.advised))
     for name, taus in best.thermometers_.items():
@@ -213,7 +213,7 @@ def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> tu
 
 
 class Judged(NamedTuple):
-    """What was found."""
+    """Results of the judgement."""
 
     said: str
     diagnosis: Diagnosis | None = None
@@ -225,7 +225,7 @@ class Judged(NamedTuple):
 def _judge(
     model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series, options: argparse.Namespace, progress: Progress
 ) -> Judged:
-    """Where the model fails and what is missing; with --refine, add it."""
+    """Diagnose the model; with --refine, add the missing effects."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RecordWarning)

@@ -30,7 +30,7 @@ from .stopping import Stopped, StopSignal
 
 @dataclass(frozen=True)
 class Saved:
-    """What a state file holds."""
+    """Content of a state file."""
 
     live: OnlineCorrector
     rows: int
@@ -44,7 +44,7 @@ class Saved:
 
 
 def read_state(path: str, model: Any) -> Saved:
-    """What was saved for this model; ModelFileError for anything else."""
+    """Read the state saved for this model; ModelFileError for anything else."""
     try:
         node = fields(parse(read_bytes(path)), "$", ("stream", "rows", "lines", "out", "source"))
         out, source = (_position(node[key], f"$.{key}") for key in ("out", "source"))
@@ -124,7 +124,7 @@ class Results:
         return False
 
     def seen(self, sample: LogRow) -> bool:
-        """Whether the state from which this run goes on knows a row: another file may begin with such ones."""
+        """True if the state from which this run goes on knows a row: another file may begin with such ones."""
         if not self._first_new:
             return False
         if sample.stamp is None:
@@ -193,7 +193,7 @@ class WrittenRows:
         """Rows that have been looked at: all of the file's, once a row was searched in vain."""
 
     def repeated(self, fields: list[str], anywhere: bool) -> bool:
-        """Whether a row is the next one, in every character; the first row may stand `anywhere`, or at the start."""
+        """True if a row is the next one, in every character; the first row may stand `anywhere`, or at the start."""
         if self._ahead is not None:
             return next(self._ahead, None) == fields
         self._ahead = self._rows()
@@ -216,7 +216,7 @@ class Appended(Results):
     """Rows that the corrector had seen before this run."""
 
     def seen(self, sample: LogRow) -> bool:
-        """Whether a row at the beginning stands in the file: a log may come again, from its start or any row on.
+        """True if a row at the beginning stands in the file: a log may come again, from its start or any row on.
 
         A row that differs is a new one, whatever its time says: the log's time may be damaged. Only where the file does
         not hold all rows that the state has seen, the time alone tells.
@@ -283,7 +283,7 @@ class Appended(Results):
 def open_results(
     rows: LogRows, header: bytes, options: argparse.Namespace, inputs: list[str], saved: Saved | None, lines: Lines
 ) -> Results:
-    """Where the rows go, by the command's options; the header is written, or was before."""
+    """Open the output that the options ask for; its header is written, or was before."""
     if options.out is not None and not options.follow and not options.state:
         drafted = Drafted(rows, options, inputs, lines)
         drafted.write(header)
@@ -336,7 +336,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds")
-    more = parser.add_argument_group("beside the corrected reading")
+    more = parser.add_argument_group("besides the corrected reading")
     more.add_argument(
         "--uncertainty",
         action="store_true",

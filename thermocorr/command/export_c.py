@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
 
 
 def _steps_vary(history: History) -> str:
-    """Which step is taken of a log whose steps vary; empty for others."""
+    """Sentence on the step that is used where the log's steps vary; empty for others."""
     varying = history.varying_steps()
     if varying is None:
         return ""

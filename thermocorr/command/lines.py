@@ -41,17 +41,17 @@ class Lines:
     rest = b""
     """What came behind the last whole line, once the lines have ended."""
     restarted = False
-    """Whether the next line is the first of another file."""
+    """True if the next line is the first of another file."""
 
     def __iter__(self) -> Iterator[bytes | None]:
         raise NotImplementedError
 
     def position(self) -> Position | None:
-        """How far the lines have come in their file; None where they cannot be had again."""
+        """Position in the file; None where the lines cannot be read again."""
         return None
 
     def place(self, number: int) -> str:
-        """Where the line of this number, the header being the first, stands for who looks into the file."""
+        """Name of a line in messages; number 1 is the header."""
         return f"line {number}"
 
     def units(self) -> Mapping[str, str]:
@@ -102,7 +102,7 @@ class FileLines(Lines):
         self.rest = b""  # the next run reads it, whole
 
     def position(self) -> Position | None:
-        """How far the lines have come."""
+        """Position in the file."""
         return position(self._file.fileno(), self._offset)
 
     def skip_to(self, at: Position | None) -> bool:
@@ -198,7 +198,7 @@ def csv_line(cells: Sequence[str]) -> bytes:
 
 
 def _has_names(comment: bytes, behind: bytes) -> bool:
-    """Whether a comment is the header: the line behind it has as many cells, and these are values, or units alone."""
+    """True if a comment is the header: the line behind it has as many cells, and these are values, or units alone."""
     try:
         cells = fields_of(behind)
         if len(cells) < 2 or len(fields_of(comment)) != len(cells):
@@ -215,7 +215,7 @@ def _refuse_endless(line: bytes, what: object) -> None:
 
 
 def _ready(descriptor: int, seconds: float) -> bool:
-    """Whether a read would not wait."""
+    """True if a read would not wait."""
     if os.name == "nt":  # pragma: no cover
         return True
     return bool(select.select([descriptor], [], [], seconds)[0])
@@ -318,7 +318,7 @@ class TranslatedLines(Lines):
         self.rest = self.lines.rest
 
     def position(self) -> Position | None:
-        """How far the lines have come."""
+        """Position in the file."""
         return self.lines.position()
 
     def place(self, number: int) -> str:
@@ -406,7 +406,7 @@ def _refuse_foreign(what: str, how: HowToRead) -> None:
 
 
 def _is_native(path: Path, how: HowToRead, time: str | None) -> bool:
-    """Whether the lines of a file, as they stand, are plain CSV with times that need no understanding."""
+    """True if the lines of a file, as they stand, are plain CSV with times that need no understanding."""
     try:
         head = plain_head(path, how)
     except RecordError:  # whoever reads the lines says what is wrong with them

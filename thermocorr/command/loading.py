@@ -1,4 +1,4 @@
-"""What a command loads: its options for tables, times and columns."""
+"""Options of the commands for tables, times and columns, and the log that they load."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
 
 
 def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) -> HowToRead:
-    """What the user said of the log's file; further columns that are something else than the times may be given."""
+    """Options on the log's file; `columns` that are no times may be given."""
     named = [options.reading, *(options.temperature or ())]
     named += [getattr(options, role, None) for role in ("run", "events", "reference")]
     named += [rule.rpartition("=")[0] for rule in getattr(options, "fill", None) or ()]
@@ -185,7 +185,7 @@ class Loaded(NamedTuple):
     written: pd.DataFrame
     """The log as it is written with results: its times as they came."""
     has_index: bool
-    """Whether its index is to be written with it."""
+    """True if its index is to be written with it."""
     model: DynamicBiasRegressor
     reading: str
     """The column of the readings."""
@@ -197,7 +197,7 @@ class Loaded(NamedTuple):
     """Columns of an earlier result in the log, and those that count its rows: no suspects."""
 
     def columns(self) -> tuple[pd.DataFrame, pd.Series[Any]]:
-        """What the model takes: X, with its dates read once, and y."""
+        """X, with its dates parsed once, and y."""
         also = self.model.temperature if isinstance(self.model.temperature, list) else [self.model.temperature]
         own = [] if self.reading in also else [self.reading]  # a thermometer that heats itself is both
         X, y = self.log.drop(columns=[*own, *self.results]), self.log[self.reading]
@@ -290,7 +290,7 @@ def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRea
 
 
 def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
-    """Whether a column has times, each after the one before."""
+    """True if a column has times, each after the one before."""
     try:
         times = dates_once(with_times(table, column, how).frame[column])
     except RecordError:

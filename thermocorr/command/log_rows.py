@@ -89,7 +89,7 @@ class RowTrust:
         self._flags.update(flags)
 
     def summary(self) -> str:
-        """How many rows have which flag, and what to do; empty where nearly all have none."""
+        """Count of rows by flag, with advice; empty where nearly all have none."""
         flagged, rows = Counter({flag: n for flag, n in self._flags.items() if flag}), sum(self._flags.values())
         if sum(flagged.values()) <= MANY * rows:
             return ""
@@ -168,14 +168,14 @@ class LogRows:
         self.time_unit = ""
         """Unit of times that are numbers, where it is not the second."""
         self.says_unix = True
-        """Whether it is to be said that times are Unix times in another unit; not where the reader of the file did."""
+        """True if it is to be said that times are Unix times in another unit; not where the reader of the file did."""
         self._accepted = False
         history = live.model.features_.history_
         self._kind = history.kind
         self._timed, self._temperature_name = history.kind != "rows", history.record.temperature_name
         self._seconds = history.kind == "seconds"
         self._by_size = options.time_format is None and options.timezone is None
-        """Whether the log alone says what its times are, by their names, their units and their size."""
+        """True if the log alone says what its times are, by their names, their units and their size."""
         self._labels = [segment.run for segment in history.record.segments]
 
     def begin(self, line: bytes, new_file: bool = False) -> list[str]:
@@ -234,7 +234,7 @@ class LogRows:
         return sample
 
     def _is_of_units(self, line: bytes) -> bool:
-        """Whether a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
+        """True if a line has the units of the columns, as it may below the header of a pipe, which are asked then."""
         assert self.header is not None
         fields = _cells(line)
         if len(fields) != len(self.header) or not are_units(fields):
@@ -248,7 +248,7 @@ class LogRows:
         return True
 
     def _by_their_size(self) -> bool:
-        """Whether times that are numbers are told by nothing but their size."""
+        """True if times that are numbers are told by nothing but their size."""
         return self._by_size and not self.time_unit
 
     def _unit_of_times(self, name: str) -> str:
@@ -305,7 +305,7 @@ class LogRows:
         return [[_cell(value) for value in row] for row in zip(*columns, strict=True)]
 
     def summary(self) -> str:
-        """How many rows got no result, and why; empty where all did."""
+        """Count of rows without a result, with reasons; empty where all have one."""
         reasons = [f"{count} {why}" for why, count in self.without_result.most_common()]
         if self.left_out:
             reasons.insert(0, f"{times_word(self.left_out, 'line')} left out")
@@ -319,7 +319,7 @@ class LogRows:
 
     @property
     def damaged(self) -> bool:
-        """Whether rows got no result for what is wrong with the log, not for a cell that it leaves empty."""
+        """True if rows got no result for what is wrong with the log, not for a cell that it leaves empty."""
         return bool(self.left_out or any(self.without_result[flag] for flag in REFUSED))
 
     def _count(self, flag: str, corrected: float) -> None:
@@ -347,7 +347,7 @@ class LogRows:
         return self.header.index(name)
 
     def _place_or_state(self, name: str) -> tuple[int, str | None]:
-        """Where a recorded column stands; of a state ("operator=Kim") where its column stands, and its word."""
+        """Index of a recorded column; for a state ("operator=Kim") that of its column, and its word."""
         assert self.header is not None
         parted = None if name in self.header else parted_state(name, self.header)
         if parted is not None:

@@ -22,7 +22,7 @@ HOUR = 3_600.0  # [s]
 
 @dataclass(frozen=True)
 class LabClimate:
-    """What moves the air of a laboratory; amplitudes in K unless said otherwise."""
+    """Parameters of a laboratory's air temperature; amplitudes in K unless said otherwise."""
 
     mean: float = 22.5  # [degC]
     weather: float = 0.5  # standard deviation of what walls and windows let in

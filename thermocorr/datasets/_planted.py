@@ -61,7 +61,7 @@ class Run(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What sets the plausible range of parameters: the kept samples of all runs."""
+    """Samples of all runs, from which plausible parameters are drawn."""
 
     step: float
     """Sampling period [s]."""
@@ -77,7 +77,7 @@ class Scene(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """How a kind of effect is planted."""
+    """Recipe for planting one kind of effect."""
 
     draw: Callable[[Scene, np.random.Generator], Parameters]
     """Plausible parameters, named as in the effect's constructor."""

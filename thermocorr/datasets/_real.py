@@ -276,7 +276,7 @@ def _find(name: str, folder: str | os.PathLike[str] | None) -> Path:
 
 
 def _place(name: str) -> str:
-    """Where a record stands in a folder of them."""
+    """Path of a record in a folder."""
     return _RECORDS[name].file or f"{name}/{name}.csv"
 
 

@@ -77,7 +77,7 @@ def make_record(
     initial_offset : float, default=0.0
         Temperature of the device above that of the air when a run starts [K]; 0.0 is equilibrium.
     effects : dict or list, optional
-        Effects to plant beside the device: {"hysteresis": 2.0}, or a list of (kind, strength), (kind, strength,
+        Effects to plant besides the device: {"hysteresis": 2.0}, or a list of (kind, strength), (kind, strength,
         parameters) or (effect, strength). Kinds are those of `thermocorr.effects.CATALOGUE` that this simulation has
         a formula of its own for, and two causes that none explains: "random_telegraph" and "random_walk". Effects of
         other kinds, a user's too, are planted by their own columns: pass the effect itself. The strength is the rms
@@ -232,7 +232,7 @@ def _sample_times(
 
 
 def _checked_start(value: Any) -> pd.Timestamp:
-    """When the record begins; ValueError for what is no date."""
+    """Start of the record; ValueError for an invalid date."""
     start = pd.NaT if isinstance(value, int | float | np.number) else date_of(value)
     if not isinstance(start, pd.Timestamp):
         raise ValueError(f"The 'start' parameter of make_record must be a date. Got {value!r} instead.")

@@ -1,4 +1,4 @@
-"""Where a record's times stand on the axis of a picture, from milliseconds to years."""
+"""Time axes of pictures, from milliseconds to years."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class TimeLine:
     first: float
     """Stamp of the first row: nanoseconds for dates."""
     dates: bool
-    """Whether the record has dates."""
+    """True if the record has dates."""
     zone: Any
     """Time zone of the dates, or None."""
     samples: bool
-    """Whether rows have no times at all, so that only their number is known."""
+    """True if rows have no times at all, so that only their number is known."""
     shifts: np.ndarray
     """Place less seconds of each segment [s]."""
     starts: np.ndarray
@@ -52,9 +52,9 @@ class TimeLine:
     """Length of the axis [s]."""
     usual_step: float
     in_order: bool
-    """Whether places are the times themselves."""
+    """True if places are the times themselves."""
     overlapping: bool
-    """Whether a segment begins before the one before has ended, so that a time has several places."""
+    """True if a segment begins before the one before has ended, so that a time has several places."""
 
     @classmethod
     def of(cls, record: Record, zone: Any = None, samples: bool = False) -> TimeLine:
@@ -93,7 +93,7 @@ class TimeLine:
 
     @property
     def zero(self) -> float:
-        """What times as numbers count from: the first row since 1970 for dates, else 0 [s]."""
+        """Origin of times as numbers: the first row since 1970 for dates, else 0 [s]."""
         return self.first / 1e9 if self.dates else 0.0
 
     def interval(self, low: float, high: float) -> tuple[float, float]:
@@ -105,7 +105,7 @@ class TimeLine:
         return float(first), float(last)
 
     def on_axis(self, places: np.ndarray) -> np.ndarray:
-        """What matplotlib draws places at: days for dates, else the unit of the axis."""
+        """Positions for matplotlib: days for dates, else the unit of the axis."""
         if self._shows_dates:
             from matplotlib import dates
 
@@ -136,7 +136,7 @@ class TimeLine:
             locator = dates.AutoDateLocator(tz=self.zone, minticks=3, maxticks=8)
             axis.set_major_locator(locator)
             ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
-            # the date stands beside the axis only where the ticks are times of day
+            # the date stands next to the axis only where the ticks are times of day
             beside = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
             zeros = ["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"]
             axis.set_major_formatter(
@@ -146,7 +146,7 @@ class TimeLine:
             )
 
     def joints(self, most: int = 12) -> list[tuple[float, str]]:
-        """Where segments begin, all but the first, and the names of their runs; none where there are too many."""
+        """Starts of the segments after the first, with the names of their runs; none where there are too many."""
         if not 1 < len(self.starts) <= most:
             return []
         return [
@@ -156,7 +156,7 @@ class TimeLine:
 
 
 def _small(recorded: float) -> float:
-    """What stands for a long gap on the axis [s]."""
+    """Length of axis that represents a long gap [s]."""
     return LONG_GAP * recorded / 5
 
 
@@ -306,7 +306,7 @@ def pyplot() -> Any:
 
 
 class Display:
-    """What draws, as scikit-learn's displays do: after `plot`, ``ax_``, ``axes_`` and ``figure_`` are matplotlib's."""
+    """Base of displays in scikit-learn's style: `plot` sets ``ax_``, ``axes_`` and ``figure_`` of matplotlib."""
 
     def _drawn(self, axes: Any, first: Any) -> Self:
         self.axes_, self.ax_, self.figure_ = axes, first, first.figure
@@ -359,7 +359,7 @@ def labelled(name: str, unit: str, power: int = 0, shown: str = "") -> str:
 def label_values(axis: Any, name: str, unit: str) -> None:
     """Label an axis of values with the unit that suits their size: ``residual [µV]`` for thousandths of a mV.
 
-    Where the unit takes no prefix, a power of ten stands beside it: ``residual [10^-5 ppm]``. Call it after drawing.
+    Where the unit takes no prefix, a power of ten stands with it: ``residual [10^-5 ppm]``. Call it after drawing.
     """
     from matplotlib.ticker import ScalarFormatter
 
@@ -586,5 +586,5 @@ def regressor_of(model: Any) -> DynamicBiasRegressor:
 
 
 def without_times(fitted: DynamicBiasRegressor) -> bool:
-    """Whether the rows of a model's record have no times, so that only their number is known."""
+    """True if the rows of a model's record have no times, so that only their number is known."""
     return fitted.features_.history_.kind == "rows" and fitted.features_.sampling_period is None

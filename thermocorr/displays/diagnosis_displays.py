@@ -44,7 +44,7 @@ from .words import aspect_text, each_row, ends_text, probability_text, wrapped
 
 @dataclass(eq=False)
 class WhereDisplay(Display):
-    """Where a model fails: a panel for each condition, the worst first, with a bar for each of its intervals.
+    """Conditions under which a model fails: one panel each, the worst first, one bar per interval.
 
     A bar is the interval's share of the error beyond the noise over its share of the samples: 1, dashed, where the
     error is as large as elsewhere. The worst interval is orange, with its share of the error.
@@ -169,7 +169,7 @@ class RefinementDisplay(Display):
 
 
 def _free_above(step: Any, logarithmic: bool) -> bool:
-    """Whether there is more room for a label above the error on later stretches than below it."""
+    """True if there is more room for a label above the error on later stretches than below it."""
     errors = np.array([step.later_rms, step.rms, step.held_out_rms])
     with np.errstate(divide="ignore"):
         places = np.log(errors) if logarithmic else errors
@@ -232,7 +232,7 @@ class SuspectsDisplay(Display):
                 text += ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
-                # Letters beside a bar; `frame` has everything
+                # Letters next to a bar; `frame` has everything
                 text += "\n" + textwrap.shorten(f"not to be told from {others}", 58, placeholder=" ...")
             only.text(
                 float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,

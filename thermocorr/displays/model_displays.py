@@ -1,4 +1,4 @@
-"""What each effect adds, and what the late parts of the device feel."""
+"""Displays of contributions, inner temperatures, step response, spectrum and budget."""
 
 from __future__ import annotations
 
@@ -388,7 +388,7 @@ class SpectrumDisplay(Display):
         return self._drawn(axes, top)
 
     def _vague(self) -> np.ndarray:
-        """Which time constants the record does not determine; none where nobody has asked."""
+        """Time constants that the record does not determine; none where this was not asked."""
         return np.asarray(self.lags["high"] > UNDETERMINED * self.lags["low"])
 
     def _spans(self) -> np.ndarray:

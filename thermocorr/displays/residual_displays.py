@@ -161,7 +161,7 @@ NAMES = ("temperature", "residual")
 class ResidualLoopDisplay(Display):
     """Residual against temperature: a loop is a lag or a hysteresis that the model does not have.
 
-    Long records are averaged over stretches of time that are short beside the swings of the temperature, so that
+    Long records are averaged over stretches of time that are short against the swings of the temperature, so that
     loops rise from the noise. Two curves give the mean for rising and for falling temperature: where they part, the
     device is late, or remembers.
 
@@ -298,7 +298,7 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
 
 
 def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
-    """What `added_noise` says, from a display of what the model makes of X; no column is named for a log in a file."""
+    """Sentence of `added_noise` from an existing display; no column is named for a log in a file."""
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)

@@ -32,7 +32,7 @@ def each_row(table: pd.DataFrame) -> Iterator[Any]:
 
 
 def aspect_text(row: Any) -> str:
-    """What a place is about: ``lag difference, 10.3 h [K]``, the name of a column, that of the temperature too."""
+    """Name of a condition: ``lag difference, 10.3 h [K]``, or the name of a column."""
     if row.aspect == "column" or (row.aspect == "temperature" and isinstance(row.column, str)):
         return printable(row.column)
     if row.aspect == "lag difference":
@@ -113,7 +113,7 @@ STANDINGS = {"proven": "proven", "helps": "helps on data not learned from; its c
 
 
 def suspect_sentence(suspect: Any) -> str:
-    """What is held against a suspect, in one sentence and its physics in another."""
+    """Two sentences on a suspect: the evidence, and its physics."""
     tie = ""
     if suspect.confusable_with:
         tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
@@ -139,7 +139,7 @@ def worth_text(suspect: Any) -> str:
 
 
 def small_sentence(found: Any) -> str:
-    """What is there and too small to matter; empty where there is nothing of the kind."""
+    """Sentence on effects that are too small to matter; empty where there are none."""
     if not found.small:
         return ""
     most = max(found.small, key=lambda suspect: np.nan_to_num(suspect.later_db, nan=-np.inf))
@@ -181,14 +181,14 @@ _TO_LOG = (
 
 
 def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
-    """What no cause explains, what to log to learn more, and what this record could have shown.
+    """Sentences on the unexplained residual, on what to log next, and on the detection limits of this record.
 
     `scale` has the unit of every size, in the letters or in the signs of print.
     """
     said = []
     if left.unjudged:
         said.append(
-            f"{left.unjudged:.0%} of the readings are behind gaps or beside filled cells, and neither learned from "
+            f"{left.unjudged:.0%} of the readings are behind gaps or next to filled cells, and neither learned from "
             f"nor judged: there the model leaves {scale.text(left.unjudged_rms)} rms. What it lacks may be "
             "what makes it feel gaps for so long."
         )
@@ -258,7 +258,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
 
 
 def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
-    """What the errors of the thermometers make of the reading, where that is all that wanders, and of the gain."""
+    """Sentences on thermometer errors, where these explain all low-frequency noise, and on their effect on the gain."""
     said = []
     for row in each_row(left.thermometers):
         sizes = {"noise": (row.noise, row.noise_from), "steps": (row.resolution, row.resolution_from)}

@@ -211,13 +211,13 @@ def _powers(record: Record, column: Any) -> tuple[int, ...]:
 
 
 def swings(record: Record, column: Any) -> bool:
-    """Whether bent copies of a column are no copies: it swings by over a tenth of its mean, and is not on or off."""
+    """True if bent copies of a column are no copies: it swings by over a tenth of its mean, and is not on or off."""
     known = record.moments(column)
     # Spread over mean of a column above which its square is no copy of itself
     return known.std > 0.1 * abs(known.mean) and has_middle(record, column)
 
 
 def has_middle(record: Record, column: Any) -> bool:
-    """Whether a column knows more than two values: one that does not is a copy of any function of it."""
+    """True if a column knows more than two values: one that does not is a copy of any function of it."""
     known = record.moments(column)
     return any(bool(((block[column] > known.low) & (block[column] < known.high)).any()) for block in record.blocks())

@@ -22,7 +22,7 @@ class Word:
 
     @property
     def memory(self) -> float:
-        """How long an unknown start is felt [s]."""
+        """Time for which an unknown start matters [s]."""
         return 0.0
 
 
@@ -220,7 +220,7 @@ def traced(effect: Any) -> Traced:
 
 
 def follows_temperature(effect: Any) -> bool:
-    """Whether a step of the temperature alone sets an effect in motion, and lets it come to rest again.
+    """True if a step of the temperature alone sets an effect in motion, and lets it come to rest again.
 
     It does for lags, hysteresis or a hinge; not for other columns, for time, or for the change since the sample before.
     """
@@ -234,7 +234,7 @@ def follows_temperature(effect: Any) -> bool:
 
 
 def reads_temperature(effect: Any) -> bool:
-    """Whether an effect's formula has the temperature in it; True for one that cannot be looked into."""
+    """True if an effect's formula has the temperature in it; True for one that cannot be looked into."""
     try:
         expression = traced(effect)
     except TraceError:

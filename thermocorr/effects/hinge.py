@@ -19,11 +19,11 @@ from .thermal import seconds_array
 
 
 class Hinge(Effect):
-    """What the temperature does on one side of a knee: max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
+    """Temperature on one side of a knee: max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
 
     The column is that less its value at the reference temperature T0, so that U0 stays the reading at T0.
 
-    Beside a model that holds T, one side says as much as the other, since they add up to T - knee; beside one that
+    Given a model that holds T, one side says as much as the other, since they add up to T - knee; beside one that
     holds the lags of T the same is true of the lagged sides.
 
     Parameters

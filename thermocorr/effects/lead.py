@@ -25,7 +25,7 @@ def rows_until(block: Block, ahead: float) -> Any:
 
 
 def _reaches(block: Block, rows: Any, until: float) -> bool:
-    """Whether the last of some rows is late enough; none are not."""
+    """True if the last of some rows is late enough; none are not."""
     some = rows.stop > rows.start if isinstance(rows, slice) else len(rows) > 0
     return some and elapsed(block, last_of(rows))[0] >= until
 
@@ -112,9 +112,9 @@ class Lead(Effect):
         physics="The reading runs ahead of the thermometer: the thermometer is slow, sits deeper or farther from the "
         "air than the instrument, or the two clocks disagree; a lead of a few rows also where the room swings between "
         "rows (a thermostat), which a straight line from row to row does not show.",
-        bench_check="Set both clocks by one; put a quick thermometer beside the recorded one and step the temperature: "
-        "the reading moves with the quick one, before the recorded one does. Log the temperature five times as often: "
-        "what too few rows made is gone.",
+        bench_check="Set both clocks by one; put a quick thermometer next to the recorded one and step the "
+        "temperature: the reading moves with the quick one, before the recorded one does. Log the temperature five "
+        "times as often: what too few rows made is gone.",
         formula="lead[d] = T(t + d) - T(t); lead[d] lag[tau] = a lag difference of it",
         parameters={"lead": "s", "time_constants": "s"},
         tuned=("lead",),
@@ -230,7 +230,7 @@ class ThermometerNoise(Effect):
     info = EffectInfo(
         physics="The thermometer is noisy, or reads in steps: the instrument, which has mass, follows the steadier "
         "temperature that lies behind its readings.",
-        bench_check="Put a second, finer thermometer beside it, or read it several times a row: the difference is its "
+        bench_check="Put a second, finer thermometer next to it, or read it several times a row: the difference is its "
         "noise; averages of many of its readings take the error with them.",
         formula="smooth[span] = weighted mean of T, weights exp(-|t' - t| / span) before and after, - T",
         parameters={"span": "s"},

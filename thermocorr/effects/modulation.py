@@ -66,7 +66,7 @@ class LaggedModulation(Effect):
         return [cls(fast, slow, tau) for fast, slow in pairs for tau in times]
 
     def inputs(self) -> list[Any]:
-        """The columns beside the temperature."""
+        """The columns besides the temperature."""
         return list(dict.fromkeys(name for name in (self.fast, self.slow) if name is not None))
 
     def learn(self, record: Record) -> None:

@@ -91,7 +91,7 @@ class LagProducts(Effect):
         return names
 
     def explained(self, temperature: str) -> str:
-        """What a lag difference is: the names are products of these."""
+        """Explanation of a lag difference: the names are products of these."""
         return lag_text(temperature)
 
     def units(self) -> list[str]:

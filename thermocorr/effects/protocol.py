@@ -25,7 +25,7 @@ TEMPERATURE_DIFFERENCE = "K, or degF where the temperature is in degF"
 
 @dataclass(frozen=True)
 class EffectInfo:
-    """What the catalogue says about a kind of effect."""
+    """Catalogue entry of a kind of effect."""
 
     physics: str
     """What it stands for in an instrument, one sentence."""
@@ -149,7 +149,7 @@ class Effect(ParametersOnce):
         return copies
 
     def inputs(self) -> list[Any]:
-        """Recorded columns that the effect reads beside the temperature: its parameter `column`, if it has one."""
+        """Recorded columns that the effect reads besides the temperature: its parameter `column`, if it has one."""
         return [self.column] if hasattr(self, "column") else []
 
     def learn(self, record: Record) -> None:
@@ -178,7 +178,7 @@ class Effect(ParametersOnce):
         return [self.unit] * self.n_columns()
 
     def explained(self, temperature: str) -> str:
-        """What the names of the columns mean, below a model's equation; "" where nothing is left to explain.
+        """Meaning of the columns' names, for the text below an equation; "" where they need none.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Effect(ParametersOnce):
         return self.info.formula if self.info else ""
 
     def means(self) -> dict[str, float]:
-        """What the formula calls means, known after `learn`, by what they are of; they stand below the equation."""
+        """Means in the formula, by the quantity they are of, after `learn`; they stand below the equation."""
         return {}
 
     def signals(self, x: Signals) -> Sequence[Any]:
@@ -196,11 +196,11 @@ class Effect(ParametersOnce):
         raise NotImplementedError
 
     def says_signals(self) -> bool:
-        """Whether `signals` is the formula, and not `columns` of the effect's own."""
+        """True if `signals` is the formula, and not `columns` of the effect's own."""
         return type(self).columns is Effect.columns
 
     def alive(self, block: Block) -> slice:
-        """Which columns may be other than zero in a block: all, unless the effect knows better."""
+        """Columns that may be nonzero in a block: all, unless the effect knows better."""
         return slice(None)
 
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
@@ -235,7 +235,7 @@ class Effect(ParametersOnce):
         return said
 
     def each_column(self, block: Block, state: Any) -> tuple[Sequence[Any], Any]:
-        """What `columns` gives, but for rounding, one by one: numbers, or arrays of shape (n,) to be read only."""
+        """Columns one by one, equal to `columns` but for rounding: numbers, or read-only arrays of shape (n,)."""
         width = self.n_columns()
         if self.says_signals():
             x, usual = BlockSignals(block, state), ((), (len(block),))

@@ -1,4 +1,4 @@
-"""What an effect may say about a sample: inputs, elementary functions, and words that remember; run here on blocks.
+"""Vocabulary of an effect's formula: inputs, elementary functions, and words with a state; evaluated on blocks.
 
 An effect's formula stands in one place, `Effect.signals(x)`, as an expression over `x`: ``x.T``, ``x["humidity"]``,
 ``x.seconds``, ``x.exp(...)``, and the words with a memory, ``x.lag(...)``, ``x.previous(...)``, ``x.play(...)``,

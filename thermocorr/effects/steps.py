@@ -1,4 +1,4 @@
-"""What begins at a moment: several steps, a change of sensitivity, marked events."""
+"""Effects that begin at a moment: several steps, a change of sensitivity, marked events."""
 
 from __future__ import annotations
 

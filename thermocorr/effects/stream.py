@@ -70,7 +70,7 @@ def walk(
 
 
 def needed_columns(effects: Sequence[Effect]) -> list[Any]:
-    """Recorded columns that the effects read beside the temperature."""
+    """Recorded columns that the effects read besides the temperature."""
     return list(dict.fromkeys(name for effect in effects for name in effect.inputs()))
 
 
@@ -176,7 +176,7 @@ def stepper_of(effect: Effect, times: Times, zero: float, temperature_name: obje
 
 
 def _over(expression: Traced) -> Callable[[int | None], float]:
-    """When columns that are nothing but start-up decays are zero."""
+    """Time after which start-up decays are zero."""
     asked = {column.arguments[0] for column in expression.columns if _is_item(column)}
     word = asked.pop().detail[1] if len(asked) == 1 and all(map(_is_item, expression.columns)) else None
     if not isinstance(word, Decays):
@@ -334,7 +334,7 @@ class SteppedPlay(SteppedNumber):
         self.half = word.width / 2
 
     def step(self, value: float) -> float:
-        """Where the follower is."""
+        """Position of the play operator."""
         last = self.last
         self.last = value if last is None else min(max(last, value - self.half), value + self.half)
         return self.last

@@ -50,7 +50,7 @@ def reference_of(given: float | str, record: Record) -> float:
 
 
 def lag_text(temperature: str) -> str:
-    """What ``lag[900 s]`` means, eqs. (17)-(19)."""
+    """Meaning of ``lag[900 s]``, eqs. (17)-(19)."""
     return f"lag[tau] = lagged - {temperature}, where tau d(lagged)/dt = {temperature} - lagged"
 
 
@@ -64,7 +64,7 @@ class StaticPolynomial(Effect):
     reference_temperature : float or "mean", default "mean"
         T0, in the unit of the temperature.
     lowest_power : int, default 1
-        First power: 2 for the curvature alone, beside a model that is linear already.
+        First power: 2 for the curvature alone, given a model that is linear already.
     """
 
     kind = "static_polynomial"
@@ -191,7 +191,7 @@ class ThermalLag(Effect):
         return [f"lag[{time_text(tau)}]" for tau in self.time_constants_]
 
     def explained(self, temperature: str) -> str:
-        """What a lag difference of the temperature is."""
+        """Meaning of a lag difference of the temperature."""
         return lag_text(temperature)
 
     def memory(self) -> float:

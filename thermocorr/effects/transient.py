@@ -89,7 +89,7 @@ class InitialTransient(Effect):
 
     @property
     def first_column_(self) -> dict[int, int]:
-        """Where the columns of a segment begin."""
+        """First column of each segment."""
         counts = [len(taus) for taus in self.decays_.values()]
         return dict(zip(self.decays_, accumulate(counts, initial=0), strict=False))
 

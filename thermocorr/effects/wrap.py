@@ -69,7 +69,7 @@ class TransformerEffect(Effect):
         return [f"{prefix}[{i}]" for i in range(self.n_columns_)]
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """What the transformer makes of the block's rows."""
+        """Output of the transformer for the block's rows."""
         result = self.fitted_.transform(self._frame(block))
         if hasattr(result, "toarray"):
             result = result.toarray()

@@ -45,14 +45,14 @@ def read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def is_compiled() -> bool:
-    """Whether there is compiled code: numba is installed, and the environment does not forbid it."""
+    """True if there is compiled code: numba is installed, and the environment does not forbid it."""
     return os.environ.get("THERMOCORR_COMPILED", "1") != "0" and find_spec("numba") is not None
 
 
 def jitted(*, cache: bool = False, **options: Any) -> Callable[[Any], Any]:
     """Decorator that compiles a function when it is first called; without numba the function stays as it is.
 
-    With `cache` the code is kept beside the source for other processes. Functions that it calls are decorated with
+    With `cache` the code is kept next to the source for other processes. Functions that it calls are decorated with
     ``inline="always"``: compiled apart, they may round otherwise in the process that compiles them.
     """
     if find_spec("numba") is None:

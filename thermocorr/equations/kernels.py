@@ -52,7 +52,7 @@ class Bodies(NamedTuple):
     first_order: bool
     """Temperature between samples: a straight line, or the earlier value."""
     regular: bool
-    """Whether all steps but the first are alike; then `factors` hold what the first and all others do."""
+    """True if all steps but the first are alike; then `factors` hold what the first and all others do."""
     factors: Floats
     """Decay and gain of the first step, decay and gain of all others, shape (4, D + J)."""
     decays: Floats
@@ -166,7 +166,7 @@ def _cross(z, n, n_over, product):  # type: ignore[no-untyped-def]
 
 @inline
 def _is_beyond(product, inverse, largest):  # type: ignore[no-untyped-def]
-    """Whether an element of the diagonal, scaled, is larger, or NaN."""
+    """True if an element of the diagonal, scaled, is larger, or NaN."""
     beyond = False
     for j in range(len(product)):
         beyond |= not product[j, j] * inverse[j] * inverse[j] <= largest

@@ -71,7 +71,7 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
 def factors_of_tile(  # type: ignore[no-untyped-def]
     steps, n, usual, rates, first, first_order, per_step, power, decay, gain
 ):
-    """Whether all `n` steps are the `usual` one; where not, the factors of each row and each body from `first` on."""
+    """True if all `n` steps are the `usual` one; where not, the factors of each row and each body from `first` on."""
     others = 0
     for k in range(n):
         others += steps[k] != usual

@@ -31,7 +31,7 @@ Hold = Literal["first_order", "zero_order"]
 
 
 class LagState(NamedTuple):
-    """What the lags carry from one sample, block or partition to the next."""
+    """State of the lags between samples, blocks or partitions."""
 
     lag_difference: Floats
     """``lag_difference[j]`` is lagged - T of time constant j at the last sample [K]."""

@@ -248,7 +248,7 @@ class Segments(NamedTuple):
 
     @property
     def k(self) -> int:
-        """How many they are."""
+        """Number of columns."""
         return int(self.own.shape[1])
 
 
@@ -276,7 +276,7 @@ class BorderedFactor:
         return cls(np.array(shared, np.intp), groups, n_rows)
 
     def solution(self, alpha: float) -> RidgeSolution | None:
-        """What `solve_ridge` gives, to rounding; None where columns are not clearly independent."""
+        """Solution of `solve_ridge`, to rounding; None where columns are not clearly independent."""
         mean, length = self._centred()
         # Length of a column less its mean, over its whole length, below which it is a constant
         if not (length > 1e-13 * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
@@ -368,7 +368,7 @@ large."""
 
 
 class Crossed(NamedTuple):
-    """What some rows add to the cross products of all, in the coordinates of a triangle."""
+    """Contribution of some rows to the cross products of all, in the coordinates of a triangle."""
 
     triangle: Floats
     """R, shape (q, q)."""
@@ -400,7 +400,7 @@ class Preconditioned:
         self._pending = False
         self._parts: dict[int, tuple[Floats, Floats]] = {}
         self.knows_nothing = True
-        """Whether no row has been taken in since some column was new."""
+        """True if no row has been taken in since some column was new."""
 
     def begin(self, n_new: int, n_old: int) -> None:
         """Replace the first `n_old` columns by `n_new` others, which nobody has seen so far."""

@@ -71,7 +71,7 @@ class Bands:
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Where each band begins in that order."""
+        """First index of each band in that order."""
         rank = np.arange(len(self.segment))
         # Bands to a factor of e in frequency above them
         high = SINGLE + np.floor(np.log(np.maximum(rank, SINGLE) / SINGLE) * 20).astype(int)
@@ -174,7 +174,7 @@ def whittle(share: np.ndarray, power: np.ndarray, S: np.ndarray) -> np.ndarray:
 def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> np.ndarray:
     """Number of the span of each row: noise goes on over short pauses, though heat may have to start anew.
 
-    A pause is short beside what lies before or after it, or beside the whole; between runs none is.
+    A pause is short against what lies before or after it, or beside the whole; between runs none is.
 
     `segment`, `seconds` (arrays of shape (n,)): Number of the segment and time [s] of each row, in the order of time
     within segments. `runs` (sequence): Label of the run of each segment, in the order of `segment`.
@@ -250,7 +250,7 @@ SAME_SCALE = 1.25
 
 
 def made_from(column: Floats, reading: Floats) -> bool:
-    """Whether a column was made from the reading.
+    """True if a column was made from the reading.
 
     `column`, `reading` (arrays of shape (n,)): In the order of time; rows in which either is missing are passed over.
 
@@ -273,7 +273,7 @@ def made_from(column: Floats, reading: Floats) -> bool:
 
 
 def shows_the_same(column: Floats, reading: Floats) -> bool:
-    """Whether a column shows the numbers that the reading shows, as a second meter on the same source does.
+    """True if a column shows the numbers that the reading shows, as a second meter on the same source does.
 
     `column`, `reading` (arrays of shape (n,)): Rows in which either is missing are passed over.
 
@@ -296,7 +296,7 @@ def shows_the_same(column: Floats, reading: Floats) -> bool:
 
 
 def _is_line(column: Floats, reading: Floats) -> bool:
-    """Whether a column is the reading in other units, or rounded: a cause never explains all of the noise too."""
+    """True if a column is the reading in other units, or rounded: a cause never explains all of the noise too."""
     left = 1 - np.corrcoef(reading, column)[0, 1] ** 2
     if left < OF_NOISE and left * np.var(reading) < OF_NOISE * _white(reading):  # counts, a rounded copy
         return True
@@ -319,7 +319,7 @@ def _white(reading: Floats) -> float:
 
 
 def _is_smoothed(column: Floats, reading: Floats) -> bool:
-    """Whether a column is a mean, a low pass or an earlier value of the reading.
+    """True if a column is a mean, a low pass or an earlier value of the reading.
 
     By the spectra of their steps: a step has less of what is slow, which would leak into everything.
     """
@@ -346,7 +346,7 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
 
 
 def _follows(column: Floats, reading: Floats) -> bool:
-    """Whether a column follows the reading where both are slow."""
+    """True if a column follows the reading where both are slow."""
     means = [values[: len(values) // SLOW * SLOW].reshape(-1, SLOW).mean(axis=1) for values in (column, reading)]
     return bool(min(map(np.ptp, means)) > 0 and np.corrcoef(*means)[0, 1] ** 2 > FOLLOWS)
 
@@ -366,7 +366,7 @@ def _spectrum(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.complex128
 
 
 def _is_white(frequency: Floats, power: Floats) -> bool:
-    """Whether a reading whose steps have this power has as much noise in either of two octaves."""
+    """True if a reading whose steps have this power has as much noise in either of two octaves."""
     own = power / (2 - 2 * np.cos(2 * np.pi * frequency))
     half = len(own) // 3
     return bool(1 / WHITE < np.mean(own[:half]) / np.mean(own[half:]) < WHITE)

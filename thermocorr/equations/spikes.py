@@ -56,7 +56,7 @@ _APART = np.full(1, np.nan)  # stands between two stretches
 
 @dataclass(frozen=True, kw_only=True)
 class Usual:
-    """What readings usually do."""
+    """Usual range and noise of readings."""
 
     middle: float
     low: float
@@ -68,9 +68,9 @@ class Usual:
     reach: float
     """Height that the largest peak of the whole record may have; infinite where nothing tells."""
     repeats: bool = False
-    """Whether they are written down more than once each."""
+    """True if they are written down more than once each."""
     near_lines: float = np.nan
-    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were."""
+    """Largest distance from the line between its neighbours for an interpolated reading; NaN where none are."""
     ends: tuple[float, ...] = ()
     """Readings at which they are clipped."""
 
@@ -80,16 +80,16 @@ class Usual:
         return self.high - self.low
 
     def overloads(self, values: Floats) -> Booleans:
-        """Whether values are too large for a number, shape (n,), booleans."""
+        """True if values are too large for a number, shape (n,), booleans."""
         return np.asarray(np.abs(values) >= OVERLOAD)
 
     def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
-        """Whether values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
+        """True if values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
 def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature: bool = False) -> Usual:
-    """What is usual of `n_rows` readings, from stretches (NaN: none); no ends or lines of a `temperature`."""
+    """Estimate the usual range and noise of `n_rows` readings from stretches (NaN: missing)."""
     whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
     values = np.sort(whole[fits])
@@ -178,7 +178,7 @@ _BINS, _PER_OCTAVE = 512, 8
 
 
 class Jumps:
-    """How often heights of each size occur, in 8 classes an octave."""
+    """Histogram of jump heights, in 8 classes per octave."""
 
     def __init__(self, counts: NDArray[np.int64] | None = None):
         self.counts = np.zeros(_BINS, np.int64) if counts is None else counts
@@ -188,7 +188,7 @@ class Jumps:
         self.counts += np.bincount(self._classes(sizes, reach), minlength=_BINS)
 
     def alike(self, sizes: Floats, reach: float) -> NDArray[np.int64]:
-        """How many are about as high as each of `sizes`, within a factor of 2."""
+        """Number of jumps within a factor of 2 of each of `sizes`."""
         at_least = np.append(np.cumsum(self.counts[::-1])[::-1], 0)
         classes = self._classes(sizes, reach)
         low = np.maximum(classes - _PER_OCTAVE, 0)
@@ -202,7 +202,7 @@ class Jumps:
 
 @dataclass
 class Scanned:
-    """What was found in some rows."""
+    """Results of a scan over some rows."""
 
     codes: NDArray[np.intp]
     """Rows that hold codes."""
@@ -221,7 +221,7 @@ class Scanned:
 
     @classmethod
     def together(cls, parts: Iterable[Scanned]) -> Scanned:
-        """What was found in several stretches of rows, as one."""
+        """Merge the results of several stretches of rows."""
         parts = list(parts)
         staying = Jumps(np.sum([part.staying.counts for part in parts], axis=0)) if parts else Jumps()
         none = np.zeros(0, np.intp)
@@ -237,7 +237,7 @@ class Scanned:
 
     @property
     def is_nothing(self) -> bool:
-        """Whether nothing was found, so that all values are left."""
+        """True if nothing was found, so that all values are left."""
         return not (len(self.codes) or len(self.spikes) or len(self.repeats) or len(self.clipped))
 
     def moved(self, rows: int) -> Scanned:
@@ -313,7 +313,7 @@ def scan_stretch(
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:
-    """Whether readings are codes: entered and left by jumps to usual readings, or to the end; shape (n,), booleans."""
+    """True if readings are codes: entered and left by jumps to usual readings, or to the end; shape (n,), booleans."""
     found = np.zeros(len(values), bool)
     beyond = usual.outside(values)
     if not beyond.any():
@@ -357,7 +357,7 @@ def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tupl
 
 
 def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual) -> tuple[Booleans, Floats]:
-    """Whether the rows from each of `first` on are far from those before and after, which agree, and from the noise
+    """True if the rows from each of `first` on are far from those before and after, which agree, and from the noise
     nearby; and how far they are.
     """
     returned, heights = np.zeros(len(first), bool), np.zeros(len(first))
@@ -387,7 +387,7 @@ def _noise_beside(values: Floats, first: NDArray[np.intp], length: int) -> Float
 
 
 def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
-    """Whether consecutive readings are codes or spikes, shape (n,), booleans.
+    """True if consecutive readings are codes or spikes, shape (n,), booleans.
 
     Noise that is no more than `rounding` has no spikes.
 
@@ -434,14 +434,14 @@ BESIDE, NEAR = 10, 3.0
 
 
 def repeated(values: Floats) -> Booleans:
-    """Which of consecutive readings are equal to the one before, shape (n,), booleans."""
+    """Mask of consecutive readings equal to the one before, shape (n,)."""
     found = np.zeros(len(values), bool)
     found[1:] = values[1:] == values[:-1]
     return found
 
 
 def is_repeated(values: Floats) -> bool:
-    """Whether readings are written down more than once each.
+    """True if readings are written down more than once each.
 
     `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
 
@@ -472,7 +472,7 @@ def is_repeated(values: Floats) -> bool:
 
 
 def on_lines(values: Floats, near: float) -> Booleans:
-    """Which of consecutive readings stand on the line between their neighbours, and not still, shape (n,), booleans.
+    """Mask of consecutive readings on the line between their neighbours, but not constant, shape (n,).
 
     `near` is how far from it at most; NaN for none.
     """
@@ -487,7 +487,7 @@ def _off_lines(values: Floats) -> Floats:
 
 
 def filled_in(values: Floats) -> float:
-    """How near to the line between its neighbours a reading stands that was filled in; NaN where none were.
+    """Largest distance from the line between its neighbours for an interpolated reading; NaN where none are.
 
     `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
 
@@ -514,7 +514,7 @@ def filled_in(values: Floats) -> float:
 
 
 def _near_lines(values: Floats, off: Floats) -> float:
-    """How far off a line rounding takes a reading, from their distances: the arithmetic's, or that to a digit."""
+    """Distance from a line due to rounding, of the arithmetic or to a digit."""
     single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
     last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
     exact = max(ARITHMETIC * last_place, OF_TIMES * float(off.max(initial=0.0)))
@@ -529,7 +529,7 @@ def _near_lines(values: Floats, off: Floats) -> float:
 
 
 def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
-    """Whether bends, readings whose distance from the line is no NaN, come after multiples of one number of rows.
+    """True if bends, readings whose distance from the line is no NaN, come after multiples of one number of rows.
 
     `stretch` is the number of the stretch of known readings that each is in.
     """
@@ -547,12 +547,12 @@ def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
 
 
 def _coarse(steps: Floats) -> bool:
-    """Whether most steps are of a digit or two."""
+    """True if most steps are of a digit or two."""
     return bool(np.mean(steps <= FEW_DIGITS * np.quantile(steps, DIGIT)) > COARSE)
 
 
 def _evenly(rows: NDArray[np.intp]) -> bool:
-    """Whether readings stand in as many rows as those that a logger asks for at even times, or nearly so."""
+    """True if readings stand in as many rows as those that a logger asks for at even times, or nearly so."""
     low, high = np.quantile(rows, [TRIMMED, 1 - TRIMMED]) if len(rows) else (0, 0)
     rows = rows[(rows >= low) & (rows <= high)]
     mean = float(rows.mean()) if len(rows) else 0.0
@@ -589,7 +589,7 @@ def ends_of_range(values: Floats) -> tuple[float, ...]:
 
 
 def at_ends(values: Floats, ends: tuple[float, ...], noise: float) -> Booleans:
-    """Which of consecutive readings are at an end of the range, or near one, shape (n,), booleans.
+    """Mask of consecutive readings at or near an end of the range, shape (n,).
 
     Near it noise is cut on one side, so that what is left there is wrong on the average. By the mean of the neighbours,
     of which a reading's own noise is a small part: to leave out what is high would cut the noise again.

@@ -143,7 +143,7 @@ def white_part(series: Sequence[Floats]) -> float:
 
 
 def whiteness(pieces: Sequence[Floats], lags: int = 20) -> tuple[float, float]:
-    """How likely white noise would look as coloured as this: p values of the tests of Ljung and Box, and of runs.
+    """Tests whether values are white noise: p values of Ljung and Box, and of runs.
 
     Ljung & Box 1978, Biometrika 65, 297, over lags of 1 to `lags` samples; Wald & Wolfowitz 1940, Annals of
     Mathematical Statistics 11, 147, on the signs about the median.

@@ -1,4 +1,4 @@
-"""Which correction, if any: what each variant of a model is worth on data that it was not learned from."""
+"""Advice on which correction to use, if any, by errors on data not learned from."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ REFINED = "refined"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Advice:
-    """Which of some corrections to use, if any. Prints as a table."""
+    """Advice on which correction to use, if any. Prints as a table."""
 
     choice: str
     """ "none", "static", "dynamic" or "refined"; "" where the record is too short to say: fewer than 100 readings."""
@@ -85,7 +85,7 @@ class Advice:
         return replace(self, choice=_kind(models[name]) if self.choice else "", variant=name)
 
     def sentence(self, scale: Scale | None = None) -> str:
-        """What to do, and what it is worth; `scale` is the unit of its errors."""
+        """Sentence on which correction to use, and its error; `scale` is the unit of the errors."""
         if not self.choice:
             return "Whether a correction helps on data not learned from cannot be told: the record is too short."
         scale = scale or self.scale()
@@ -183,7 +183,7 @@ def _errors(variants: Mapping[str, Any], record: Record, moment: float | None = 
 
 
 def _kind(model: Any) -> str:
-    """Whether a fitted variant has lags."""
+    """True if a fitted variant has lags."""
     return "dynamic" if any(map(len, model.thermometers_.values())) else "static"
 
 
@@ -269,7 +269,7 @@ class _Stretches:
 
 
 def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> float:
-    """How much lower the error of laws of the temperature is than that of laws of any copy [dB].
+    """Fall of the error from laws of the temperature against laws of its shifted copies [dB].
 
     NaN where the laws of all copies can make the temperature itself.
     """

@@ -148,14 +148,14 @@ def _rows(width: int, rows: int) -> int:
 
 
 def _shares(record: Record, block: Block) -> np.ndarray:
-    """How many readings each row of a block stands for, shape (n,)."""
+    """Number of readings that each row of a block represents, shape (n,)."""
     assert record.reading is not None
     known = np.isfinite(np.asarray(record.reading[block.rows], float))
     return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
 
 
 def _reads_every_row(record: Record) -> bool:
-    """Whether each row stands for one reading."""
+    """True if each row stands for one reading."""
     return not isinstance(record, Thinned) and bool(np.isfinite(np.asarray(record.reading, float).sum()))
 
 

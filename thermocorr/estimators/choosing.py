@@ -1,4 +1,4 @@
-"""What a fit chooses: time constants, and products of lags."""
+"""Choices of a fit: time constants, and products of lags."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings:
 def products_help(
     plain: DiffusiveFeatures, X: Any, y: Any, found: TimeConstantChoice, settings: SearchSettings
 ) -> bool:
-    """Whether the lags that were found fit and predict clearly better beside products, every later block of them."""
+    """True if the lags that were found fit and predict clearly better beside products, every later block of them."""
     assert found.factored is not None
     whole, taus = found.factored.record, [found.time_constants, *found.further.values()]
     if not any(map(len, taus)):
@@ -121,7 +121,7 @@ def _in_fewer_rows(record: Record, X: Any) -> tuple[ThinnedLog, pd.Series]:
 
 
 def count_to_choose(given: Any) -> int | None:
-    """How many time constants to choose, from the parameter: None leaves their number open, 0 where they are given.
+    """Number of time constants to choose: None where it is open, 0 where they are given.
 
     Raises ValueError for what is none of these.
     """

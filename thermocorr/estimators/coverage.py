@@ -1,4 +1,4 @@
-"""Which temperatures a record covers, and which powers of the static law, eq. (3), these determine.
+"""Temperatures that a record covers, and powers of the static law, eq. (3), that these determine.
 
 A row can lie between the lowest and the highest temperature and still be far from any of them, as between two plateaus:
 a hidden extrapolation. Its leverage in the static law is larger there than that of any row of the record (Montgomery,
@@ -22,7 +22,7 @@ there, it is more than three times as uncertain as wherever the record has been.
 
 
 class Coverage(NamedTuple):
-    """What the temperatures of a record determine."""
+    """Range of the temperatures, its gaps, and the degree of the static law that they determine."""
 
     degree: int
     """The highest power of the static law that they do, at most the one that is wanted."""

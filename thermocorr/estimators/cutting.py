@@ -1,4 +1,4 @@
-"""Where a record is cut: blocks that fit the cache, stretches of time whose factors are kept apart."""
+"""Sizes of blocks and stretches: blocks fit the cache, stretches have factors of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a record cannot determine: constant columns, cancelling ones, time constants that it cannot tell apart."""
+"""Warnings on identifiability: constant columns, cancelling ones, time constants too close to each other."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ With half of it one harmonic of half an hour is told there too (700 to 6e3); twi
 
 @dataclass(frozen=True)
 class Cancellation:
-    """How far contributions reach, and what they leave; both in the unit of the reading."""
+    """Range of the contributions and of their sum, in the unit of the reading."""
 
     reach: float
     """What the contributions add up to without their signs."""
@@ -40,7 +40,7 @@ class Cancellation:
     """Spread of what they leave together, or of the readings."""
 
     def beyond(self, share: float) -> bool:
-        """Whether the contributions reach further than so many times what they leave."""
+        """True if the contributions reach further than so many times what they leave."""
         return self.reach > share * self.left
 
     def __str__(self) -> str:
@@ -73,7 +73,7 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
 
 
 def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPrior | None) -> list[str]:
-    """What the user of a fitted model should know.
+    """Warnings for the user of a fitted model.
 
     `model` (DynamicBiasRegressor). `record` (Record): What it was fitted to. `solution` (RidgeSolution). `prior`
     (LawPrior, optional): What other devices told of this one.

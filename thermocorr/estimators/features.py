@@ -90,7 +90,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     fill : dict of column to rule, optional
         What to do with missing cells instead: "estimate" a thermometer from the others (which is done where there are
         several), or "end" the segment, so that lags begin anew behind the hole; ("estimate", "1 h") does so for an hour
-        at most, ("end", "1 h") from an hour on. Readings beside filled cells are not learned from.
+        at most, ("end", "1 h") from an hour on. Readings next to filled cells are not learned from.
 
     reference : str, optional
         Column that is no feature: what readings are compared with, see `DynamicBiasRegressor`.
@@ -279,7 +279,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.history_ = History.of(record, end_states, self.longest_step(), screen=self.screen_)
 
     def thermometers(self) -> Thermometers:
-        """Which columns are thermometers."""
+        """Thermometers among the columns."""
         return Thermometers.of(self.temperature)
 
     def further_effects(self) -> list[tuple[str, Effect]]:
@@ -328,7 +328,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return parts
 
     def layout(self) -> Layout:
-        """Which columns of X are the temperature, the time, the run and the reference, and how its rows are spaced."""
+        """Layout of X: columns of the temperature, time, run and reference, and the spacing of rows."""
         ambient = self.thermometers().ambient
         return Layout(ambient, self.time, self.run, self.sampling_period, self.max_gap, self.reference)
 

@@ -35,12 +35,12 @@ class Filled(NamedTuple):
     state: np.ndarray
     """To go on with the rows that follow."""
     begins: np.ndarray
-    """Whether a hole before this row ends the segment, shape (n,)."""
+    """True if a hole before this row ends the segment, shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StandIn:
-    """What takes the place of one column's missing cells."""
+    """Imputation of one column's missing cells."""
 
     column: Any
     others: tuple[Any, ...] = ()
@@ -107,7 +107,7 @@ class StandIn:
     def _told(
         self, given: Mapping[Any, np.ndarray], steps: np.ndarray, before: np.ndarray
     ) -> tuple[np.ndarray, list[float], np.ndarray]:
-        """What the others say, the last value and lag of each, and where at least one of them is known."""
+        """Prediction from the other columns, their last values and lags, and where at least one is known."""
         told, after = np.full(len(steps), self.means[0]), []
         reach = np.full(len(steps), not self.others)
         for i, name in enumerate(self.others):
@@ -209,7 +209,7 @@ class FilledRows(NamedTuple):
     states: list[np.ndarray]
     """To go on with the rows that follow."""
     begins: np.ndarray
-    """Whether a hole before this row ends the segment, shape (n,)."""
+    """True if a hole before this row ends the segment, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ class Filling:
     """What each remembers at the end of the fitted record."""
 
     def before(self, history: History | None, stamp: Any, run: Any) -> tuple[Sequence[np.ndarray] | None, float]:
-        """What is remembered where rows begin, and the time since then [s]: they may follow on the fitted record."""
+        """State before the first row, and its age [s]: rows may follow on the fitted record."""
         if history is None or history.kind == "rows" or not self.end:
             return None, 0.0
         fitted = history.record
@@ -317,7 +317,7 @@ def filling_of(
 
 
 def learned_beside(full: Record, known: Record, notes: Sequence[str]) -> Record:
-    """A filled record to learn from: without the readings beside filled cells.
+    """A filled record to learn from: without the readings next to filled cells.
 
     `full` (Record): Filled. `known` (Record): Its rows that lack nothing, with the readings that are believed.
     `notes` (sequence of str): What was said of those that are not.

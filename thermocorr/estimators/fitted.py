@@ -1,4 +1,4 @@
-"""What a fitted regressor knows of itself, and what doubted inputs do to it."""
+"""Methods of a fitted regressor, and its bias under doubtful inputs."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ class FittedModel:
         return clone(self).set_params(products=self.products_) if hasattr(self, "pipeline_") else clone(self)
 
     def _choices(self) -> dict[str, Any]:
-        """What a fit may choose, as parameters that leave no choice: time_constants and products."""
+        """Choices of the fit as parameters: time_constants and products."""
         return {"time_constants": self._fixed_time_constants(), "products": self.products_}
 
     @property
@@ -187,7 +187,7 @@ class FittedModel:
         return self.features_.reference_temperature_
 
     def contributions(self, X: Any) -> pd.DataFrame:
-        """What each effect adds to U0, in the unit of y: one column per effect."""
+        """Contribution of each effect to the bias, in the unit of y: one column per effect."""
         parts = self._contributions(X)
         labels = distinct([effect.label() for effect in self.features_.effect_list()])
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
@@ -254,7 +254,7 @@ class FittedModel:
         return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
 
     def _reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
-        """Readings as numbers, row by row beside X; RecordError where their name says another unit than the fit's."""
+        """Readings as numbers, row by row as X; RecordError where their name says another unit than the fit's."""
         check_reading_unit(self.reading_, y, X)
         return numeric_reading(y, X)
 
@@ -307,7 +307,7 @@ class FittedModel:
 
     @property
     def _removed_level(self) -> float:
-        """What of U0 is bias: all of it where readings are compared with a reference, else nothing."""
+        """Part of U0 that is bias: all of it where readings have a reference, else nothing."""
         return 0.0 if self.features_.reference is None else self.intercept_
 
     def _level(self, X: Any) -> Any:
@@ -355,7 +355,7 @@ class FittedModel:
     def _doubt_of(
         self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
     ) -> NDArray[np.float64]:
-        """What the bias differs by where the twins stand in their columns, in each row, shape (n_rows,).
+        """Change of the bias with the twins in place of their columns, in each row, shape (n_rows,).
 
         0 where all that was doubted is believed (`thermocorr.records.gate.Doubt`).
         """

@@ -31,12 +31,12 @@ def resolved(low: float, high: float) -> float:
 
 
 def is_flat(low: float, high: float) -> bool:
-    """Whether numbers between two limits never change beyond their rounding."""
+    """True if numbers between two limits never change beyond their rounding."""
     return high - low <= resolved(low, high)
 
 
 def flat_text(low: float, high: float, n_rows: int) -> str:
-    """What was found of numbers that are flat; follows on "The temperature never changes"."""
+    """Description of constant numbers, to follow "The temperature never changes"."""
     if low == high:
         return f": it is {low:.6g} in all {n_rows} rows"
     return (
@@ -103,8 +103,8 @@ def _of_kind(model: Any, kind: type[Effect]) -> tuple[Any, slice]:
 def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     """Inner temperatures of a fitted model along a walk through a record.
 
-    The start of a part follows from its two coefficients, psi_0j = nu_j / mu_j: where mu_j is small beside its standard
-    error, it is as uncertain as their ratio.
+    The start of a part follows from its two coefficients, psi_0j = nu_j / mu_j: where mu_j is small against its
+    standard error, it is as uncertain as their ratio.
 
     `model` (DynamicBiasRegressor): Fitted, with lags of the temperature. `steps` (iterator of Walked): Of all effects
     of the model. Raises ValueError for a model without lags: a static model knows of nothing inside.

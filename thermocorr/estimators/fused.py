@@ -176,7 +176,7 @@ class FusedColumns:
         """Time constants of all lags [s]."""
         self.hold = lags[0].hold
         self.hidden = starts is not None
-        """Whether start-up decays have no column."""
+        """True if start-up decays have no column."""
         own = [(effect, self.first[i]) for i, effect in enumerate(effects) if _is_decay(effect)]
         self._decays: dict[int, list[np.ndarray]] = {}
         self._places: dict[int, list[int]] = {}
@@ -213,7 +213,7 @@ def _is_decay(effect: Effect) -> bool:
 
 
 def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
-    """Whether there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
+    """True if there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
     shared = sum(effect.n_columns() for effect in effects if not _is_decay(effect))
     # Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are
     if not is_compiled() or record.n_used < FEWEST or shared > 32:
@@ -224,7 +224,7 @@ def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTrans
 
 
 class _OfSegment(NamedTuple):
-    """What one segment has given to a stretch."""
+    """Contribution of one segment to a stretch."""
 
     columns: list[int]
     """Where the columns of the cross products stand in ``[1 | Q | U]``; those before the first are hidden."""
@@ -275,7 +275,7 @@ class FusedFactors(Sequence[TriangularFactor]):
         return TriangularFactor.standing_for(_stacked(self.width, self._of_all), sum(self.n_rows))
 
     def bordered(self) -> BorderedFactor | None:
-        """What many segments say of decays of their own and of the columns they share; None where all are one."""
+        """Factor with one block of decays per segment and shared columns; None where there is one segment."""
         if self._of_all is not None or any(each.n_hidden for each in self._segments):
             return None
         segments = []

@@ -1,4 +1,4 @@
-"""What errors of the inputs do to the bias: filled cells, gaps, what lies between rows.
+"""Propagation of input errors to the bias: filled cells, gaps, the time between rows.
 
 The error of lag j behind a gap is forgotten as exp(-t/tau_j), eq. (17) with no input, so a covariance C of these errors
 fades as ``C_jk exp(-(1/tau_j + 1/tau_k) t)``, number by number, and the bias errs by the variance ``w' C w``. No matrix
@@ -29,7 +29,7 @@ from ..records.screen import LeftOut
 
 @dataclass(frozen=True)
 class InputLaw:
-    """How the bias depends on one column."""
+    """Linear dependence of the bias on one column and its lags."""
 
     column: Any
     powers: tuple[tuple[int, float, float], ...]
@@ -52,7 +52,7 @@ class InputLaw:
 def law_of_inputs(
     effects: Sequence[Effect], coef: np.ndarray, temperature: Any, columns: Sequence[Any], deviation: float
 ) -> list[InputLaw]:
-    """How the bias depends on each of some columns.
+    """Linear dependence of the bias on each of some columns.
 
     `effects` (sequence of Effect): Learned. `coef` (array of shape (n_columns,)). `temperature` (column): The ambient
     temperature. `columns` (sequence of columns). `deviation` (float): Standard deviation of the residuals, beside
@@ -212,7 +212,7 @@ class Fading:
     # ------------------------------------------------------------------------------------------------- one by one
 
     def faded(self, row: np.ndarray, step: float) -> np.ndarray:
-        """What is left after a while [s]."""
+        """Covariance after some time [s]."""
         decay = self._known.get(step)
         if decay is None:
             decay = np.exp(self._rates * step)
@@ -341,12 +341,12 @@ class GapError:
         return variance, _unless_forgotten(after)
 
     def plain(self, felt: Felt) -> tuple[tuple[float, ...] | None, ...]:
-        """What is felt as plain numbers: the covariance of each column's lags, row by row."""
+        """Covariance of each column's lags as plain numbers, row by row."""
         pairs = zip(felt, self._fadings, strict=False)
         return tuple(None if row is None else tuple(one.covariance(row).ravel().tolist()) for row, one in pairs)
 
     def taken_up(self, plain: Sequence[Sequence[float] | None]) -> Felt:
-        """What is felt, of the numbers that `plain` has said."""
+        """Covariance from the numbers of `plain`."""
         pairs = zip(plain, self._fadings, self.laws, strict=False)
         return tuple(
             None if each is None else one.row(np.reshape(each, 2 * [len(law.weights)])) for each, one, law in pairs
@@ -370,7 +370,7 @@ class GapError:
         return result
 
     def _bridge(self, number: int, step: float) -> np.ndarray:
-        """What a gap adds, as a row of `Fading`; not to be written to."""
+        """Covariance that a gap adds, as a read-only row of `Fading`."""
         h = float(f"{step:.2g}")  # the same for gaps that are nearly as long
         if (number, h) not in self._bridges:
             taus = self.laws[number].time_constants
@@ -425,5 +425,5 @@ def _unless_forgotten(felt: list[np.ndarray | None]) -> Felt:
 
 
 def _tied_late(starts: Mapping[int, SegmentStart], least: float) -> bool:
-    """Whether a segment follows on the fitted record after a gap."""
+    """True if a segment follows on the fitted record after a gap."""
     return any(start.step is not None and start.step > least for start in starts.values())

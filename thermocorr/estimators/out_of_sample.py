@@ -65,7 +65,7 @@ class Worth:
 
     @property
     def rank(self) -> float:
-        """What it is sorted by: the fall on later stretches, or on blocks where none are later."""
+        """Sort key: the fall of the error on later stretches, or on blocks where none are later."""
         return self.blocks if np.isnan(self.later) else self.later
 
     @property
@@ -79,7 +79,7 @@ class Worth:
         return float(max(1 - 10 ** (-self.rank / 10), 0.0))
 
     def adds(self, evenly: bool = False) -> bool:
-        """Whether it is worth adding: the error falls by `GAIN`, and in most of the later stretches.
+        """True if it is worth adding: the error falls by `GAIN`, and in most of the later stretches.
 
         Where it must help `evenly`, none of them may cost more than half of what it gains in all.
         """
@@ -121,7 +121,7 @@ class OutOfSample:
         return self._folds[key]
 
     def worth(self, explanations: Sequence[np.ndarray], moment: float | None = None) -> list[Worth]:
-        """What each explanation, shape (n, k), is worth; `moment` is the share of the rows before it begins."""
+        """Out-of-sample gain of each explanation, shape (n, k); `moment` is the share of rows before it begins."""
         found: list[Worth | None] = [None] * len(explanations)
         later = [self.fold(*pieces) for pieces in later_pieces(moment)]
         blocks = [self.fold(*pieces) for pieces in BLOCKS]
@@ -141,7 +141,7 @@ class OutOfSample:
         return [each for each in found if each is not None]
 
     def most_helpful(self, columns: np.ndarray) -> int:
-        """Which of some columns, shape (n, k), lowers the errors on later stretches most, each taken in alone."""
+        """Index of the column, of shape (n, k), that alone lowers the error on later stretches most."""
         products = Products(
             base=self._in_pieces(self.base, columns),
             reading=self._in_pieces(columns, self.reading[:, None])[..., 0],
@@ -171,7 +171,7 @@ class OutOfSample:
         return float(self.sizes[list(test)].sum())
 
     def against(self, other: OutOfSample, moment: float | None = None) -> Worth:
-        """What another model of the same record is worth instead of this one, behind a moment."""
+        """Out-of-sample gain of another model of the same record over this one, after a moment."""
         return Worth.of(self.errors(moment) / other.errors(moment), self.block_errors() / other.block_errors())
 
 
@@ -225,7 +225,7 @@ class Fold:
         return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
 
     def error_with(self, products: Products) -> np.ndarray:
-        """Squared error with each explanation beside the base, shape (explanations,)."""
+        """Squared error with each explanation given the base, shape (explanations,)."""
         (base, reading, squares), (base_t, reading_t, squares_t) = (
             products.over(pieces) for pieces in (self.learn, self.test)
         )

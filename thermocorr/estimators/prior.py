@@ -1,4 +1,4 @@
-"""What a fleet of like devices tells of one more: the mean of their laws, and how far these lie apart.
+"""Prior from a fleet of like devices: the mean and covariance of their laws.
 
 The coefficients of each device are drawn from one normal distribution (a random-effects model); its mean and covariance
 are estimated by expectation and maximisation, each device weighing as much as its record determines it (Laird & Ware
@@ -264,7 +264,7 @@ class Law:
     powers: tuple[int, ...]
     """Power of T - T0 of each column, 0 for other columns."""
     bent: bool
-    """Whether other columns depend on T0."""
+    """True if other columns depend on T0."""
 
     def at(self, T0: float) -> Law:
         """The law about another reference temperature."""

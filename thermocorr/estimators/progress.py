@@ -28,12 +28,12 @@ a bar (extra "progress"); None or False for nothing."""
 
 
 def has_bars() -> bool:
-    """Whether bars can be drawn."""
+    """True if bars can be drawn."""
     return find_spec("tqdm") is not None
 
 
 def printed(verbose: int) -> Callable[[str], None]:
-    """What a parameter `verbose` asks for, as scikit-learn has it: a function that prints lines, with the time."""
+    """Printing function for scikit-learn's parameter `verbose`: lines with the time."""
     begun = perf_counter()
     return (
         (lambda text: print(f"[{perf_counter() - begun:7.1f} s] {text}", flush=True)) if verbose else lambda text: None

@@ -196,7 +196,7 @@ class Reading:
     """Stretches of that range in which no row was, and the static law is not known, see
     `thermocorr.estimators.coverage`."""
     unit_named: bool = True
-    """Whether the record names the unit of its temperature; else its values were taken for degC or K by their size."""
+    """True if the record names the unit of its temperature; else its values were taken for degC or K by their size."""
 
     @classmethod
     def of(cls, X: Any, y: Any, record: Record) -> Reading:
@@ -223,7 +223,7 @@ class Reading:
         )
 
     def outside(self, temperature: np.ndarray) -> NDArray[np.bool_]:
-        """Where temperatures are not among the fitted ones."""
+        """Mask of temperatures outside the fitted ones."""
         low, high = self.temperature_range
         found = (temperature < low) | (temperature > high)
         for low, high in self.temperature_gaps:
@@ -363,7 +363,7 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
 
 
 def _far(levels: tuple[float, ...], low: float, high: float) -> bool:
-    """Whether values between two limits lie further from every level than the levels lie from one another."""
+    """True if values between two limits lie further from every level than the levels lie from one another."""
     width = _width(min(levels), max(levels))
     return low < min(levels) - width or high > max(levels) + width
 

@@ -222,7 +222,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return self
 
     def _knows_highest_power(self) -> bool:
-        """Whether the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
+        """True if the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
         errors = standard_errors(self._swept, self._solution, self.alpha_)
         # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
@@ -270,7 +270,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return np.asarray(self._contributions(X).sum(axis=1) + np.asarray(self._level(X)))
 
     def bias(self, X: Any, return_std: bool = False) -> Any:
-        """What `correct` takes away: the modelled reading less U0, and less effects that are to be kept.
+        """Bias that `correct` removes: the modelled reading less U0, and less effects that are to be kept.
 
         With a `reference` the modelled error, U0 included. With `return_std` a tuple, with its standard
         uncertainty, without the noise of readings.
@@ -372,7 +372,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.run_levels_ = found
 
     def _count_to_choose(self) -> int | None:
-        """How many time constants to choose: None leaves their number open, 0 means that they are given."""
+        """Number of time constants to choose: None where it is open, 0 where they are given."""
         return count_to_choose(self.time_constants)
 
     def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:

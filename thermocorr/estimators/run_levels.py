@@ -48,7 +48,7 @@ class RunLevels(NamedTuple):
 
 
 def run_levels(features: DiffusiveFeatures, record: Record, always: bool) -> RunLevels:
-    """Whether runs have levels of their own, and where these begin.
+    """True if runs have levels of their own, and where these begin.
 
     `features` (DiffusiveFeatures): Learned on the record: static law and further effects, without lags. `record`
     (Record): With readings. `always` (bool): Do not ask the record. Raises RecordError where runs overlap in time and
@@ -122,7 +122,7 @@ def _runs(record: Record) -> list[_Run]:
 
 
 def _known(record: Record, start: int, stop: int) -> bool:
-    """Whether there are readings between two rows in time order."""
+    """True if there are readings between two rows in time order."""
     reading: Any = record.reading
     blocks = (record.rows(low, min(low + BLOCK_ROWS, stop)) for low in range(start, stop, BLOCK_ROWS))
     return any(np.isfinite(np.asarray(reading[rows], float)).any() for rows in blocks)

@@ -72,16 +72,16 @@ def distinct(labels: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Grounds:
-    """What a diagnosis found, as far as the verdict depends on it."""
+    """Findings of a diagnosis on which its verdict depends."""
 
     named: bool
-    """Whether there is a cause."""
+    """True if there is a cause."""
     ambiguous: bool
-    """Whether the first cause has rivals that the record cannot tell it apart from."""
+    """True if the first cause has rivals that the record cannot tell it apart from."""
     structure: bool
-    """Whether what is left is more than noise."""
+    """True if what is left is more than noise."""
     spoiled: bool
-    """Whether invalid readings were used in the fit."""
+    """True if invalid readings were used in the fit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,13 +92,13 @@ class Verdict:
     """As `Diagnosis.verdict` has it."""
     sentence: str
     given: Callable[[Grounds], bool]
-    """Whether it is given, where none before it in `VERDICTS` is."""
+    """True if it is given, where none before it in `VERDICTS` is."""
     calm: bool = False
-    """Whether nothing is advised, no place shown, and readings may be signed."""
+    """True if nothing is advised, no place shown, and readings may be signed."""
     in_doubt: bool = False
-    """Whether further quantities would help to tell the cause."""
+    """True if further quantities would help to tell the cause."""
     unknown: bool = False
-    """Whether nobody is named although structure is left."""
+    """True if nobody is named although structure is left."""
 
 
 AMBIGUOUS = Verdict(

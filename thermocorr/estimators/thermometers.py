@@ -103,7 +103,7 @@ class Thermometers(NamedTuple):
 
     @classmethod
     def of(cls, temperature: Any) -> Thermometers:
-        """What was given; ValueError for an empty list, and for a column that stands in it twice."""
+        """Thermometers from the parameter; ValueError for an empty list, and for a column that is named twice."""
         if isinstance(temperature, np.ndarray | pd.Index):
             temperature = temperature.tolist()
         given = temperature if isinstance(temperature, list) else [temperature]
@@ -120,7 +120,7 @@ class Thermometers(NamedTuple):
         return cls(names[0], tuple(names[1:]), declared)
 
     def of_column(self, column: Any) -> Thermometer:
-        """What is said of a column."""
+        """Declaration of a column."""
         of_unnamed = self.declared.get(None, Thermometer()) if column not in self.further else Thermometer()
         return self.declared.get(column, of_unnamed)
 
@@ -161,7 +161,7 @@ class Thermometers(NamedTuple):
 
 
 def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
-    """What the errors of each thermometer do: noise, steps, and what a fit makes of them.
+    """Errors of each thermometer: noise, steps, and their effect on a fit.
 
     A thermometer's white noise is what is left of its changes from row to row when the time between rows goes to zero,
     see `thermocorr.equations.statistics.white_part`: true where rows are close enough to resolve the temperature; a
@@ -316,7 +316,7 @@ def _place_of_gain(effects: Sequence[Effect], name: Any, temperature: Any) -> in
 
 
 def _error(record: Record, name: Any, noise: float, step: float) -> np.ndarray:
-    """What a thermometer read beyond the temperature, by rows as they came: like it in size, not row by row.
+    """Simulated error of a thermometer in each row: like the real one in size, not row by row.
 
     Steps: the temperature is taken as a straight line between the moments at which its reading changed, when it was
     midway, and is its reading in the middle of a stay from which it goes back. Noise: drawn, always the same.

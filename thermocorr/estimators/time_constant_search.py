@@ -163,12 +163,12 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
 
     @available_if(lambda self: self.refit)
     def predict(self, X: Any, return_std: bool = False) -> Any:
-        """Modelled reading of the best model; with `return_std` its standard uncertainty beside it."""
+        """Modelled reading of the best model; with `return_std` its standard uncertainty too."""
         return self._best().predict(X, return_std=return_std)
 
     @available_if(lambda self: self.refit)
     def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
-        """Corrected reading of the best model; with `return_std` its standard uncertainty beside it."""
+        """Corrected reading of the best model; with `return_std` its standard uncertainty too."""
         return self._best().correct(X, y, return_std=return_std)
 
     def _best(self) -> DynamicBiasRegressor:

@@ -89,7 +89,7 @@ class VariantComparison:
         return scale_of(self.table[[name for name in _TITLES if not name.endswith("_db")]], self.unit)
 
     def caption(self, unit: str = "") -> str:
-        """What the columns mean; `unit` is how their unit is written, as in `scale` where nothing is said."""
+        """Meaning of the columns; `unit` is written as their unit, by default as in `scale`."""
         unit = printable(unit or self.scale().unit)
         figures = f" Figures in {unit}." if unit else ""
         return (
@@ -254,7 +254,7 @@ def variants_of(model: DynamicBiasRegressor, degree: int) -> dict[str, DynamicBi
 
 
 def _tell(say: Callable[[str], None], name: str, text: str) -> None:
-    """How far the work on a variant is."""
+    """Report progress on a variant."""
     say(f"{name}: {text}")
 
 

@@ -258,7 +258,7 @@ def name(value: Any, where: str) -> str | int:
 
 
 def label(value: Any, where: str) -> Any:
-    """What labels a run: None, text, a number, true or false, a date or a span, several of these."""
+    """Label of a run: None, text, a number, true or false, a date or a span, several of these."""
     if type(value) is tuple:
         return tuple(label(part, where) for part in value)
     if not (value is None or isinstance(value, bool | int | float | str | date | pd.Timedelta)) or value != value:
@@ -293,7 +293,7 @@ def vector(
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:
-    """What stands in a file of moderate size; pipes and devices are refused, which might never end.
+    """Content of a file of moderate size; pipes and devices, which might never end, are refused.
 
     Raises ModelFileError for what is no regular file, or too large. Raises OSError for what cannot be read.
     """

@@ -191,7 +191,7 @@ class EffectCodec:
 
 
 def import_path(cls: type, where: str) -> str:
-    """Where a class can be imported from; ModelFileError for one that cannot."""
+    """Import path of a class; ModelFileError for one that cannot be imported."""
     path = f"{cls.__module__}.{cls.__qualname__}"
     if getattr(sys.modules.get(cls.__module__), cls.__qualname__, None) is not cls:
         raise ModelFileError(
@@ -202,7 +202,7 @@ def import_path(cls: type, where: str) -> str:
 
 
 def _check_parameters(effect: Any, where: str) -> None:
-    """What the effects themselves check only while they learn, or not at all."""
+    """Checks of parameters that effects make only while they learn, or not at all."""
     if hasattr(effect, "time_constants"):
         try:
             seconds_array(effect.time_constants)

@@ -44,7 +44,7 @@ _MOTION = ("low", "high", "spread", "farthest", "rest", "step")
 
 
 def pack_screen(screen: Screen) -> dict[str, Any]:
-    """What is refused of each input and of the reading; a spike is its time stamp and its value."""
+    """Screen of each input and of the reading as JSON; a spike is its time stamp and its value."""
     inputs = [
         {"column": pack(column, "a column's name"), **pack_limits(each)} for column, each in screen.inputs.items()
     ]
@@ -52,7 +52,7 @@ def pack_screen(screen: Screen) -> dict[str, Any]:
 
 
 def pack_limits(limits: Limits) -> dict[str, Any]:
-    """What is refused of one quantity."""
+    """Limits of one quantity as JSON."""
     spikes = [[stamp, value] for stamp, value in limits.spikes.items()]
     motion = None if limits.motion is None else {name: getattr(limits.motion, name) for name in _MOTION}
     return {"middle": limits.middle, "codes": list(limits.codes), "spikes": spikes, "motion": motion}
@@ -74,7 +74,7 @@ def unpack_screen(node: Any, where: str, columns: Collection[Any]) -> Screen:
 
 
 def unpack_limits(node: Any, where: str) -> Limits:
-    """What is refused of one quantity, checked."""
+    """Limits of one quantity, checked."""
     node = fields(node, where, ("middle", "codes", "spikes", "motion"))
     codes = [number(code, f"{where}.codes[{i}]") for i, code in enumerate(items(node["codes"], f"{where}.codes"))]
     if len(codes) > MOST_CODES or any(abs(code) > LARGEST for code in codes):
@@ -96,7 +96,7 @@ def unpack_limits(node: Any, where: str) -> Limits:
 
 
 def _motion(node: Any, where: str) -> Motion:
-    """How an input moved, checked."""
+    """Motion of an input, checked."""
     node = fields(node, where, _MOTION)
     low, high = (number(node[key], f"{where}.{key}", -LARGEST, LARGEST) for key in ("low", "high"))
     if low > high:
@@ -145,7 +145,7 @@ def _range(node: Any, where: str) -> tuple[float, float]:
 
 
 def pack_gaps(gaps: Gaps) -> dict[str, Any]:
-    """What happens in gaps, as plain values: the least step of one, and how far each column wanders."""
+    """Gaps as JSON: the least step of one, and the structure function of each column."""
     return {
         "least": gaps.least,
         "lags": gaps.lags.tolist(),
@@ -157,7 +157,7 @@ def pack_gaps(gaps: Gaps) -> dict[str, Any]:
 
 
 def unpack_gaps(node: Any, where: str, columns: Collection[Any]) -> Gaps | None:
-    """What `pack_gaps` made, every number checked, for these columns; None where there was nothing to pack."""
+    """Gaps from JSON, every number checked, for these columns; None where there are none."""
     if node is None:
         return None
     node = fields(node, where, ("least", "lags", "columns"))
@@ -248,7 +248,7 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
 
 
 def numbers_or_nan(node: Any, where: str, length: int) -> list[float]:
-    """So many numbers, NaN for null."""
+    """Numbers of a given count, NaN for null."""
     values = items(node, where, length)
     return [
         np.nan if value is None else number(value, f"{where}[{k}]", -LARGEST, LARGEST) for k, value in enumerate(values)

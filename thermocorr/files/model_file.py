@@ -174,7 +174,7 @@ def _refuse_later(found: int) -> None:
 
 
 def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> dict[str, Any]:
-    """Where the model came from: packages, and the record that it was fitted to."""
+    """Provenance of the model: packages, and the record that it was fitted to."""
     if data is None and hasattr(model, "provenance_"):
         known: dict[str, Any] = model.provenance_
         return known

@@ -61,7 +61,7 @@ MOST_ROWS = 1 << 24
 
 
 def pack_history(history: History, effects: list[Any], codec: EffectCodec) -> dict[str, Any]:
-    """What ties later rows to the fitted record: kept rows, and the states at the end of each segment."""
+    """History as JSON: kept rows, and the states at the end of each segment."""
     record, times = history.record, history.record.times
     ticks = times.ticks
     assert ticks is not None

@@ -39,7 +39,7 @@ _MARKS = (
 
 
 def bears_mark(path: Path) -> bool:
-    """Whether thermocorr wrote this file, or nothing is in it."""
+    """True if thermocorr wrote this file, or nothing is in it."""
     with path.open("rb") as file:
         # Bytes of a file that are looked at; the header line of a wide log is long
         head = file.read(1 << 16)
@@ -388,7 +388,7 @@ def _kept(target: Path) -> Path | None:
 
 
 def _target(path: Name) -> Path:
-    """Where a file stands or will, through links. A device keeps its name: the pipe behind /dev/stdout has no other."""
+    """Path of a file through links. A device keeps its name: the pipe behind /dev/stdout has no other."""
     path = Path(path)
     return path if path.exists() and not _regular(path) else Path(os.path.realpath(path))
 
@@ -398,7 +398,7 @@ def _regular(path: Path) -> bool:
 
 
 def _same(target: Path, other: Path) -> bool:
-    """Whether two names mean one file, through links too."""
+    """True if two names mean one file, through links too."""
     with contextlib.suppress(OSError):
         return target.samefile(other)
     return target == Path(os.path.realpath(other))
@@ -409,13 +409,13 @@ _PIECE = 1 << 20
 
 
 class Position(NamedTuple):
-    """How far a file had come: its length, and a digest of what stood just before."""
+    """Position in a file: its length, and a digest of the bytes just before."""
 
     length: int
     digest: str
 
     def fits(self, path: Path) -> bool:
-        """Whether the file has at least this length, and stood here once."""
+        """True if the file has at least this length, and stood here once."""
         try:
             with path.open("rb") as file:
                 return position(file.fileno(), self.length) == self

@@ -311,7 +311,7 @@ class CText:
         )
 
     def documentation(self) -> str:
-        """How to call the two functions."""
+        """Comment on how to call the two functions."""
         t = self.target
         said = [
             "Call init once, then update for every sample, also where an input is missing (NaN): its last good value",

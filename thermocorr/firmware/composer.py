@@ -29,7 +29,7 @@ Later = Callable[[int], Any]
 
 @dataclass(frozen=True)
 class Followed:
-    """What a word follows, as the code holds it."""
+    """Value that a word follows, as the code holds it."""
 
     value: Formula
     change: Callable[[], Formula]
@@ -63,7 +63,7 @@ class Words:
         return p - self.composer.atom(("change", p.moving.key()), given.change, said, given.unit)
 
     def _following(self, p: Polynomial, name: str, stage: int) -> Followed:
-        """How to follow a value: an input is remembered already, for any other the code keeps the one before."""
+        """Follow a value: an input is remembered already, for any other the code keeps the one before."""
         program, composer = self.program, self.composer
         if (given := composer.input_of(p)) is not None:
             return Followed(given.value, lambda: program.change(given), given.said, given.unit)
@@ -328,7 +328,7 @@ class Composer:
         return self.local(("sum", moving.key()), name, stage, write, unit, degree) + p.constant
 
     def input_of(self, p: Polynomial) -> Input | None:
-        """The input that a polynomial is, beside a constant; None where it is none."""
+        """The input that a polynomial is, apart from a constant; None where it is none."""
         alone = p.alone()
         return None if alone is None else self.inputs.get(alone)
 

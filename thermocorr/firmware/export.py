@@ -173,7 +173,7 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
 
 
 def _warn_of_coarse_readings(model: Any) -> None:
-    """Warn where the readings themselves have steps in single precision that are not small beside their noise."""
+    """Warn where the readings themselves have steps in single precision that are not small against their noise."""
     reading, noise = getattr(model, "reading_", None), getattr(model, "residual_std_", 0.0)
     if reading is None or not noise > 0:
         return

@@ -140,7 +140,7 @@ class Firmware:
         self.bias_constant = program.constant("bias_at_reference", program.bias_constant, "sum of all constant terms")
 
     def members(self) -> list[Member]:
-        """What a course of the inputs leaves behind, members of eight bytes first: nothing is lost between them."""
+        """Members of the state of one course, those of eight bytes first: no padding between them."""
         program = self.program
         members = [Member("number", "temperature", None, "at the last sample"), *program.members]
         if program.columns:
@@ -189,5 +189,5 @@ class Firmware:
 
     @property
     def asks_start(self) -> bool:
-        """Whether `init` must be told when the first sample is: samples or microseconds from the first fitted row."""
+        """True if `init` must be told when the first sample is: samples or microseconds from the first fitted row."""
         return self.clock.used

@@ -1,4 +1,4 @@
-"""What every program does around the formulas of its effects: `init`, and the checks of inputs in `update`."""
+"""Frame of every program: `init`, and the checks of inputs in `update`."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class Guard:
         return [take, [gate], self._courses()]
 
     def _gate(self) -> list[Statement]:
-        """What happens to one input; where it is missing, the twin wanders off."""
+        """Statements for one input; where it is missing, the twin moves away."""
         doubted = [Assign(_DOUBTED, Number(1.0)), Assign(Kept("stands")[TURN], Number(DOUBTED))]
         k = {name: Kept(name)[TURN] for name in _KEPT}
         c = {name: table[TURN] for name, table in self.tables.items()}

@@ -47,7 +47,7 @@ _COST = Operations(multiply_adds=6, adds=1, divisions=2, calls=1)
 
 
 class Factors(NamedTuple):
-    """What a turn of the loop over lags reads."""
+    """Factors that a turn of the loop over lags reads."""
 
     before: Callable[[Formula], list[Statement]]
     """Statements that a turn begins with."""
@@ -112,7 +112,7 @@ def _helper(program: Program, form: Form) -> Helper:
 
 @dataclass(frozen=True)
 class LagInput:
-    """What a lag follows."""
+    """Input of a lag."""
 
     value: Formula
     """The input, which tells lags of equal input."""
@@ -135,7 +135,7 @@ class Group:
     array: Kept = field(init=False)
 
     def columns(self, time_constants: Sequence[float]) -> list[Item]:
-        """Where lag differences stand, after the bank has been emitted."""
+        """Places of the lag differences, after the bank has been emitted."""
         order = sorted(self.time_constants)
         return [self.array[Whole(order.index(float(tau)))] for tau in time_constants]
 
@@ -212,7 +212,7 @@ class LagBank:
 
 
 def n_plain(group: Group, taus: np.ndarray, target: Target) -> int:
-    """How many of the lags, from the fastest, need no compensation."""
+    """Number of lags, from the fastest, that need no compensated sum."""
     if not target.single:
         return len(taus)
     if target.period is None:

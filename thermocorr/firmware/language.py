@@ -1,4 +1,4 @@
-"""What a language has to say for itself; all else in this room is common to all languages, but for C in `c99`."""
+"""Interface of an export language; all else in this room, but `c99`, is common to all languages."""
 
 from __future__ import annotations
 

@@ -74,11 +74,11 @@ class Polynomial:
         return {atom for monomial in self.terms for atom in monomial}
 
     def key(self) -> tuple[Any, ...]:
-        """What is equal for equal polynomials."""
+        """Key that is equal for equal polynomials."""
         return tuple(sorted(self.terms.items()))
 
     def alone(self) -> int | None:
-        """The atom that the polynomial is, beside its constant; None where it is anything else."""
+        """The atom that the polynomial is, apart from its constant; None where it is anything else."""
         (monomial, c), *more = self.moving.terms.items() or [((), 0.0)]
         return monomial[0] if not more and c == 1.0 and len(monomial) == 1 else None
 
@@ -149,7 +149,7 @@ class Part:
         self.values: dict[int, Any] = {}
 
     def _uses(self) -> Counter[int]:
-        """How often each node is asked for."""
+        """Number of uses of each node."""
         asked = [arg for node in self.nodes for arg in node.arguments] + self.expression.columns
         return Counter(value.number for value in asked if isinstance(value, Node))
 

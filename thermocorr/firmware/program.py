@@ -56,7 +56,7 @@ class Constant(NamedTuple):
 
 
 class Member(NamedTuple):
-    """What is known of a member of the state."""
+    """A member of the state."""
 
     kind: Kind
     name: str
@@ -85,7 +85,7 @@ class Input:
 
 @dataclass
 class Stage:
-    """What is computed together: ``locals``, then ``begin`` for the first usable sample, ``advance`` for every other.
+    """A stage: ``locals``, then ``begin`` for the first usable sample, ``advance`` for every other.
 
     Words that follow other words come in a later stage than these.
     """
@@ -116,9 +116,9 @@ class Program:
     bias_constant: float = 0.0
     flags_washout: bool = False
     asks_first: bool = False
-    """Whether a formula reads ``first``."""
+    """True if a formula reads ``first``."""
     calls_functions: bool = False
-    """Whether it calls an elementary function."""
+    """True if it calls an elementary function."""
     columns: dict[Any, str] = field(default_factory=dict)
     """Recorded columns in the order in which `update` takes them -> identifier."""
     highest_power: int = 2
@@ -273,7 +273,7 @@ class TimeCounter:
 
     @property
     def used(self) -> bool:
-        """Whether an effect of time has asked."""
+        """True if an effect of time has asked."""
         return self.counter is not None
 
     @property

@@ -1,4 +1,4 @@
-"""The program in Python for comparison, and the self-test that is written beside it."""
+"""The program in Python for comparison, and the self-test that is written with it."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _held(values: np.ndarray, single: bool) -> np.ndarray:
 
 
 class Courses(NamedTuple):
-    """What the gates make of the samples of the self-test, shape (SAMPLES,) each."""
+    """Output of the gates for the samples of the self-test, shape (SAMPLES,) each."""
 
     now: tuple[np.ndarray, dict[Any, np.ndarray]]
     """Temperature and columns as they are taken."""
@@ -148,9 +148,9 @@ class Courses(NamedTuple):
     """With other values in the place of doubtful ones."""
     held: np.ndarray
     doubted: np.ndarray
-    """Whether each input has a twin, shape (SAMPLES, inputs)."""
+    """True if each input has a twin, shape (SAMPLES, inputs)."""
     believed: np.ndarray
-    """Whether the doubt of each ends, shape (SAMPLES, inputs)."""
+    """True if the doubt of each ends, shape (SAMPLES, inputs)."""
 
 
 def courses(firmware: Firmware, given: Inputs) -> Courses:

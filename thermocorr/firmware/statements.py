@@ -18,7 +18,7 @@ class Operations:
     multiply_adds: int = 0
     """Multiplications, each with the addition that takes its product, if there is one in its statement."""
     adds: int = 0
-    """Additions and subtractions beside those."""
+    """Further additions and subtractions."""
     divisions: int = 0
     calls: int = 0
     """Calls of libm: exp, sin, ..."""
@@ -187,7 +187,7 @@ class Converted(Formula):
 
 @dataclass(frozen=True)
 class Raised(Formula):
-    """Whether one of these flags of the result is raised, a condition."""
+    """True if one of these flags of the result is raised, a condition."""
 
     flags: tuple[str, ...]
 

@@ -1,4 +1,4 @@
-"""What a program is made for: precision, steps, names."""
+"""Target of a program: precision, steps, names."""
 
 from __future__ import annotations
 
@@ -89,12 +89,12 @@ class Target:
 
     @property
     def single(self) -> bool:
-        """Whether numbers are of single precision."""
+        """True if numbers are of single precision."""
         return self.dtype == "float"
 
     @property
     def fixed(self) -> bool:
-        """Whether the time between samples is known now."""
+        """True if the time between samples is known now."""
         return self.period is not None
 
     def held(self, value: float) -> float:

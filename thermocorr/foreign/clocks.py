@@ -1,4 +1,4 @@
-"""Times as other programs write them: dates, zones, clocks beside dates."""
+"""Times as other programs write them: dates, zones, clocks next to dates."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _dates_in_zone(times: pd.Series[Any], zone: str) -> pd.Series[Any]:
 
 
 def _second_time(times: pd.Series[Any], zone: str) -> np.ndarray:
-    """Whether each time is the first that the clock showed it (summer time), shape (n,).
+    """True if each time is the first that the clock showed it (summer time), shape (n,).
 
     Within the hour that comes twice, rows before a step back are the first time, rows behind it the second. A record
     that begins within the hour and goes on behind it began the second time, one that ends within it the first.
@@ -134,7 +134,7 @@ class Understood(NamedTuple):
     times: pd.Series[Any]
     said: str = ""
     unix: bool = False
-    """Whether they are Unix times, which are UTC."""
+    """True if they are Unix times, which are UTC."""
     form: str = ""
     """How dates are written, as for `strptime`; "" for all others."""
 
@@ -217,7 +217,7 @@ def _counted(numbers: Any, unit: Any, values: pd.Series[Any]) -> pd.Series[Any]:
 
 
 def _form_of(known: np.ndarray, name: str) -> str | None:
-    """What numbers of this size are; None for seconds."""
+    """Form of time of numbers of this size; None for seconds."""
     low, high = float(known.min()), float(known.max())
     unit = unix_unit(low, high)
     if unit is not None:
@@ -271,7 +271,7 @@ def clocks_of_digits(values: pd.Series[Any]) -> pd.Series[Any] | None:
 
 
 def _looks_like_hhmm(known: np.ndarray, words: list[str]) -> bool:
-    """Whether numbers are times of day as hhmm: they are called so, or their steps are even as such and not as seconds.
+    """True if numbers are times of day as hhmm: they are called so, or their steps are even as such and not as seconds.
 
     Raises RecordError where they may be either.
     """
@@ -331,7 +331,7 @@ def point_for_comma(cell: str) -> str:
 
 
 def date_form(values: pd.Series[Any]) -> str | None:
-    """How the dates in a column of text are written, as for `strptime`; None for ISO 8601, and for no dates.
+    """Format of the dates in a column of text, as for `strptime`; None for ISO 8601, and for no dates.
 
     Raises RecordError for dates that have two readings, and those that have none.
     """
@@ -363,7 +363,7 @@ def date_form(values: pd.Series[Any]) -> str | None:
 
 
 def _odd_steps(times: pd.Series[Any]) -> int:
-    """How many steps go back, or are far longer than the usual one."""
+    """Number of steps that go back, or are far longer than the usual one."""
     steps = times.diff().dt.total_seconds().to_numpy()[1:]
     return int(((steps < 0) | (steps > FAR * np.median(steps))).sum()) if len(steps) else 0
 
@@ -400,7 +400,7 @@ def one_date(text: str) -> Any:
 
 
 def _whole_form(date: str, text: pd.Series[Any]) -> str:
-    """How cells are written, times of day included, as for `strptime`."""
+    """Format of cells, times of day included, as for `strptime`."""
     parts = re.fullmatch(rf"(?P<date>.*?)(?:(?P<between>[T ,]+){CLOCK})?", str(text.iloc[0]))
     if parts is None or not parts["clock"]:
         return date
@@ -423,7 +423,7 @@ def _of_clocks(values: pd.Series[Any]) -> Understood:
         row = int(spans.isna().to_numpy().argmax() or (spans.diff() < pd.Timedelta(0)).to_numpy().argmax())
         raise RecordError(
             f"The times in {quoted(values.name)} have no date, and {text.iloc[row]!r} in row {row} does not follow on. "
-            "A column of dates beside it is joined with it where it is called date."
+            "A column of dates next to it is joined with it where it is called date."
         )
     return Understood(_named(spans, values), "times of day without a date")
 

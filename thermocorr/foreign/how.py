@@ -1,4 +1,4 @@
-"""What a user says of a log's file, and what is made of it: a frame, and in words how it was understood."""
+"""Options for reading a log, and the log that was read: a frame, and in words how it was understood."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SAID_SEPARATORS = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "b
 
 @dataclass(frozen=True, kw_only=True)
 class HowToRead:
-    """What a user says of a file that does not tell it: None where it does."""
+    """Options for reading a file; None where the file tells it."""
 
     separator: str | None = None
     decimal: str | None = None
@@ -39,11 +39,11 @@ class HowToRead:
     """Columns that the user names as something else: none of them has the times, whatever it is called."""
 
     def says_something(self) -> bool:
-        """Whether the user says anything of the file, and not only what its columns are."""
+        """True if the user says anything of the file, and not only what its columns are."""
         return replace(self, reading=None, run=None, no_times=()) != HowToRead()
 
     def names_times(self) -> bool:
-        """Whether the file alone says what its times are."""
+        """True if the file alone says what its times are."""
         return self.time_format is None and self.timezone is None
 
     def __post_init__(self) -> None:

@@ -134,7 +134,7 @@ class LineTranslator:
         return self._line([cell for k, cell in enumerate(cells) if not self._is_dropped(k)])
 
     def _is_dropped(self, k: int) -> bool:
-        """Whether a column has gone into that of the times."""
+        """True if a column has gone into that of the times."""
         return self._joined is not None and k in self._joined and k != self._time
 
     def _moment(self, cell: str) -> str:

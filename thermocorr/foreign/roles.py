@@ -1,4 +1,4 @@
-"""Which column of a log is the temperature, which the reading and which the times: one guess for every door."""
+"""Roles of a log's columns (temperature, reading, times): one guess for every door."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def guess(
     run: str | None = None,
     no_times: Collection[str] = (),
 ) -> Roles:
-    """What the columns of a log are, from their names, units and values; what the user knows stays as it is.
+    """Guess the roles of a log's columns from names, units and values; what the user says stays.
 
     `frame` (DataFrame): The log, read. `temperature`, `reading`, `reference`, `time`, `run` (str, optional): What the
     user says; a reference, which the reading is compared with, is never guessed.
@@ -229,7 +229,7 @@ def named_time(names: Sequence[str]) -> str | None:
 
 
 def is_counter(column: pd.Series[Any]) -> bool:
-    """Whether a column counts the rows, whatever it is called: whole numbers, each one more than the one before."""
+    """True if a column counts the rows, whatever it is called: whole numbers, each one more than the one before."""
     if kind_of(column) != "number" or len(column) < FEWEST:
         return False
     values = column.to_numpy(float)
@@ -268,7 +268,7 @@ def leading(frame: pd.DataFrame, names: Sequence[str]) -> str:
 
 
 def _lead(x: np.ndarray, y: np.ndarray) -> float:
-    """How far y follows x, from -1 to 1; positive where x leads."""
+    """Lead of x over y, from -1 to 1; positive where x leads."""
     most, k = 0.0, 1
     while 8 * k <= len(x):
         dx, dy = x[k:] - x[:-k], y[k:] - y[:-k]
@@ -308,12 +308,12 @@ def _values(column: Any) -> np.ndarray:
 
 
 def _stands(column: pd.Series[Any]) -> bool:
-    """Whether a column has one value alone."""
+    """True if a column has one value alone."""
     return len(column) > 1 and column.nunique() == 1
 
 
 def _unevenness(column: Any) -> float:
-    """How much the steps of dates differ, over the usual one; large for what is no date or steps back."""
+    """Spread of the steps of dates over the usual one; large for other values and for steps back."""
     times = pd.to_datetime(column, errors="coerce", format="mixed", utc=True) if kind_of(column) == "text" else column
     steps = times.diff().dt.total_seconds().to_numpy()[1:]
     usual = float(np.median(steps)) if len(steps) and np.isfinite(steps).all() else 0.0
@@ -321,5 +321,5 @@ def _unevenness(column: Any) -> float:
 
 
 def _rises(column: pd.Series[Any]) -> bool:
-    """Whether numbers go up from row to row."""
+    """True if numbers go up from row to row."""
     return kind_of(column) == "number" and bool((np.diff(column.to_numpy(float)) > 0).all()) and len(column) > 1

@@ -84,7 +84,7 @@ def _from_cells(cells: pd.DataFrame, path: Path, how: HowToRead) -> ForeignTable
 
 
 def _are_days(cells: Any) -> bool:
-    """Whether the dates of a column of a sheet are days without a time: midnights, all of them."""
+    """True if the dates of a column of a sheet are days without a time: midnights, all of them."""
     return all(cell.time() == time() for cell in cells if isinstance(cell, datetime))
 
 

@@ -95,7 +95,7 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """How a table is written; lines count from 0."""
+    """Dialect of a table; lines count from 0."""
 
     separator: str = ","
     decimal: str = "."
@@ -106,9 +106,9 @@ class Dialect:
     first: int = 1
     """The first line with a row."""
     comments: bool = False
-    """Whether lines that begin with # are none of the table."""
+    """True if lines that begin with # are none of the table."""
     headless: bool = False
-    """Whether there is no line of names: the user gave them, or they are numbers from 1 on."""
+    """True if there is no line of names: the user gave them, or they are numbers from 1 on."""
     spare: int = 0
     """Empty columns without a name behind the others."""
     dated: tuple[int, ...] = ()
@@ -116,18 +116,18 @@ class Dialect:
     valued: tuple[int, ...] = ()
     """Columns of numbers or dates."""
     grouped: bool = False
-    """Whether there are signs between thousands."""
+    """True if there are signs between thousands."""
     remarks: bool = False
-    """Whether a row may have a remark behind its cells, which is left out."""
+    """True if a row may have a remark behind its cells, which is left out."""
 
     @property
     def is_plain(self) -> bool:
-        """Whether the file is CSV as this package writes it; there may be comments between its rows."""
+        """True if the file is CSV as this package writes it; there may be comments between its rows."""
         read = (self.separator, self.decimal, self.header, self.first, self.grouped, self.spare)
         return read == (",", ".", 0, 1, False, 0)
 
     def said(self) -> list[str]:
-        """What is unusual, in words."""
+        """Unusual properties, in words."""
         words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
         if self.headless:
             words.append("no header: columns are 1, 2, ..., see --names" if self.names[0] == "1" else "no header")
@@ -207,7 +207,7 @@ class Dialect:
             ) from None
 
     def _replaceable(self, rows: str) -> bool:
-        """Whether replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
+        """True if replacing characters is enough: no quotes, comments or blanks, no comma but in numbers."""
         if self.comments or self.spare or self.remarks or self.separator == BLANKS or '"' in rows:
             return False
         if any(f"\n{word}" in rows[-2000:].lower() for word in TOTALS):
@@ -425,7 +425,7 @@ def _is_header(row: list[str], look: Looked) -> bool:
 
 
 def are_units(row: Sequence[str]) -> bool:
-    """Whether the cells of a row are units, such as stand below the names of columns."""
+    """True if the cells of a row are units, such as stand below the names of columns."""
     cells = [cell for cell in row if cell.strip()]
     return bool(cells) and sum(map(is_unit, cells)) >= len(cells) / 2
 

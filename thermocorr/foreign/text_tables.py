@@ -23,7 +23,7 @@ HEAD = 1 << 16
 
 
 def is_plain(head: bytes, how: HowToRead) -> bool:
-    """Whether a file is CSV as this package writes it, as far as the first lines tell; comments may stand in it."""
+    """True if a file is CSV as this package writes it, as far as the first lines tell; comments may stand in it."""
     if how.says_something():
         return False
     try:
@@ -110,7 +110,7 @@ def _good_rows(text: str, found: Dialect) -> tuple[str, str]:
 
 
 def _is_good(line: str, found: Dialect) -> bool:
-    """Whether a line is a row, a comment or empty: as many cells as columns, and values where others have values."""
+    """True if a line is a row, a comment or empty: as many cells as columns, and values where others have values."""
     try:
         cells = found.row(line)
     except ValueError:
@@ -127,7 +127,7 @@ _DAMAGED = re.compile("[\x00-\x08\x0b-\x1f\ufffd]")
 
 
 def _is_broken_up(content: bytes) -> bool:
-    """Whether there are comments between the rows, or the header once more: the logger was started anew.
+    """True if there are comments between the rows, or the header once more: the logger was started anew.
 
     Single bytes are looked for first, which takes a tenth of the time: most logs lack one.
     """

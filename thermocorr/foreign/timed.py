@@ -163,7 +163,7 @@ def unit_of_times(column: str, units: Mapping[str, str]) -> str:
 
 
 def _said_unit(column: str, units: Mapping[str, str]) -> str:
-    """What stands where a unit of the times does: below the name, or in brackets at its end; no zone, and no form."""
+    """Text in the place of a unit of times: below the name, or in brackets at its end; no zone, and no form."""
     inside = re.fullmatch(r".*[\[(<]([^\[\]()<>]*)[\])>]\s*", column)
     said = units.get(column) or unit_of(column, None) or (inside[1].strip() if inside else "")
     return "" if _NO_UNIT.search(said) else said
@@ -218,7 +218,7 @@ def _in_text(frame: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def _is_date(values: pd.Series[Any]) -> bool:
-    """Whether a column has dates, in text or as numbers such as 20240531."""
+    """True if a column has dates, in text or as numbers such as 20240531."""
     if kind_of(values) == "number":
         return bool(values.between(19_700_101, 21_001_231).all())
     return kind_of(values) == "text" and is_moment(first_cell(values))
@@ -263,7 +263,7 @@ _MIDNIGHT = re.compile(r"[ T]00:00(?::00(?:[.]0+)?)?$")
 
 
 def _is_part(values: pd.Series[Any], mark: str) -> bool:
-    """Whether a column has times of day alone (`mark` ":"), or dates alone ("")."""
+    """True if a column has times of day alone (`mark` ":"), or dates alone ("")."""
     cell = first_cell(values) if kind_of(values) == "text" else ""
     if not mark and _MIDNIGHT.search(cell):  # dates with a time of day that is always midnight
         return bool(values.astype("string").str.strip().str.contains(_MIDNIGHT).fillna(True).all())
@@ -304,7 +304,7 @@ def _refuse_summer_time(times: pd.Series[Any]) -> None:
 
 
 def _is_put_back(times: pd.Series[Any], row: int, back: float, usual: float) -> bool:
-    """Whether a row steps back by an hour and those behind it go on, not one or a few that came late."""
+    """True if a row steps back by an hour and those behind it go on, not one or a few that came late."""
     ahead = times.iloc[row:].to_numpy()
     behind = ahead > times.iloc[row - 1].to_datetime64()
     last = int(behind.argmax()) - 1 if behind.any() else 0

@@ -138,7 +138,7 @@ def _bare(cell: str) -> str:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell is a number with this decimal sign, or without any."""
+    """True if a cell is a number with this decimal sign, or without any."""
     text = _bare(cell.strip())
     if _POINT.fullmatch(text):
         return decimal == "." or "." not in text
@@ -146,7 +146,7 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 
 
 def is_moment(cell: str) -> bool:
-    """Whether a cell looks like a date, a time of day, or both."""
+    """True if a cell looks like a date, a time of day, or both."""
     return bool(_MOMENT.fullmatch(cell.strip()))
 
 
@@ -156,12 +156,12 @@ def first_cell(values: Iterable[object]) -> str:
 
 
 def is_value(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell holds what a sample has: a number, a moment, a switch."""
+    """True if a cell holds what a sample has: a number, a moment, a switch."""
     return is_number(cell, decimal) or is_moment(cell) or cell.strip().lower() in _SWITCHES or says_no_value(cell)
 
 
 def is_unit(cell: str) -> bool:
-    """Whether a cell, below the name of a column, is a unit, or says how dates are written."""
+    """True if a cell, below the name of a column, is a unit, or says how dates are written."""
     text = cell.strip()
     bare = text[1:-1] if text[:1] + text[-1:] in ("[]", "()", "<>") else text
     return bare != text or unit_of_text(bare) != "" or bool(_PATTERN_OF_DATES.fullmatch(bare))

@@ -1,4 +1,4 @@
-"""What a user has arranged: roles of columns, and the steps taken."""
+"""Acts of the user: roles of columns, and the steps taken."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROLES = ("reading", "temperature", "reference", "time", "run")
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
-    """What the columns of a log are; a column with no role here is under suspicion.
+    """Roles of a log's columns; a column without a role is a suspect.
 
     A thermometer that is compared with a reference may be both, the temperature and the reading.
     """
@@ -97,7 +97,7 @@ class ModelSettings:
 
     @property
     def open(self) -> bool:
-        """Whether nobody has chosen lags, degree or products, so that the work begins with what is advised."""
+        """True if nobody has chosen lags, degree or products, so that the work begins with what is advised."""
         return self.time_constants in ("auto", 6) and self.degree == 2 and self.products is False
 
 
@@ -115,7 +115,7 @@ class AddedEffect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Arrangement:
-    """What stands on the workbench. Equal arrangements of one log give equal models, bit for bit."""
+    """State of the workbench. Equal arrangements of one log give equal models, bit for bit."""
 
     roles: Roles | None = None
     """None until it is known which column is the temperature and which the reading."""
@@ -135,7 +135,7 @@ class Arrangement:
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, default=list).encode()).hexdigest()[:24]
 
     def learned(self) -> tuple[Any, ...]:
-        """What decides which readings are learned from: errors of others are not to be compared."""
+        """Key of the readings that are learned from: errors on other readings cannot be compared."""
         return (self.roles and self.roles.reading, self.left_out, self.spikes)
 
     def with_effect(self, effect: AddedEffect) -> Arrangement:
@@ -336,7 +336,7 @@ def shape_of(node: dict[str, Any], where: str) -> Shape:
 
 
 def products_of(value: Any, where: str) -> bool | int:
-    """Which products of lags a model has, from JSON: see `DynamicBiasRegressor`."""
+    """Products of lags from JSON: see `DynamicBiasRegressor`."""
     if type(value) not in (bool, int) or value not in (False, True, 2, 3):
         raise ModelFileError(f"{where}.products is none of: false, true, 2, 3")
     return bool(value) if isinstance(value, bool) else int(value)

@@ -94,7 +94,7 @@ class Bench:
         return self.past.acts
 
     def arrangement(self, count: int | None = None) -> Arrangement:
-        """What stands on the bench, or stood there after the first steps."""
+        """Arrangement now, or after the first steps."""
         return folded(self.acts[:count], self.settings)
 
     @property
@@ -315,7 +315,7 @@ class Bench:
         return next(filter(None, chores), None) or self._missing_errors()
 
     def _advise(self, found: Fitted) -> None:
-        """Which correction to use; where nobody has chosen settings or gone further, the work begins with it."""
+        """Advise a correction; where the user has chosen no settings and gone no further, begin with it."""
         X, y, model = (
             found.data.X,
             found.data.learned,

@@ -43,7 +43,7 @@ EFFECT, COLUMN = "effect ", "column "
 
 
 class Data(NamedTuple):
-    """What a model is fitted to."""
+    """Data that a model is fitted to."""
 
     X: pd.DataFrame
     y: pd.Series
@@ -51,7 +51,7 @@ class Data(NamedTuple):
     learned: pd.Series
     """Readings that are learned from; NaN in stretches that are left out."""
     said: tuple[str, ...]
-    """How the log was understood."""
+    """Say how the log was read."""
 
 
 @dataclass
@@ -205,7 +205,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
 
 
 def _is_level(effect: Effect, model: DynamicBiasRegressor) -> bool:
-    """Whether an effect is the level of each run."""
+    """True if an effect is the level of each run."""
     times = model.run_levels_.times
     return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
 
@@ -213,7 +213,7 @@ def _is_level(effect: Effect, model: DynamicBiasRegressor) -> bool:
 def _conditions(
     model: DynamicBiasRegressor, record: Record, seconds: np.ndarray, line: TimeLine
 ) -> dict[str, np.ndarray]:
-    """What a model may fail under, beside the temperature and recorded columns: as `Diagnosis.where` has it."""
+    """Further conditions under which a model may fail, as in `Diagnosis.where`."""
     lag = largest_lag(model)
     effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])])]
     for effect in effects:
@@ -228,7 +228,7 @@ def _conditions(
 
 
 def quietly(run: Callable[[], Any]) -> Any:
-    """What `run` returns, its warnings about parts of the record left unsaid."""
+    """Result of `run`, without its warnings about parts of the record."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)
         return run()
@@ -252,7 +252,7 @@ def moment_words(found: Fitted, places: np.ndarray, seconds: np.ndarray) -> str:
 
 
 def chosen_lags(given: str) -> Any:
-    """How many time constants to choose, "auto", "none", or which: as a person types it."""
+    """Time constants as a person types them: a number of them, "auto", "none", or a list."""
     words = given.strip()
     if words == "auto":
         return words
@@ -262,7 +262,7 @@ def chosen_lags(given: str) -> Any:
 
 
 def sentence(error: BaseException) -> str:
-    """What an error says, in one line; the kind of error where it is none that was made for people."""
+    """Message of an error in one line; the kind of error where it has none for people."""
     if isinstance(error, MemoryError):
         return "There is not enough memory for this. Open a shorter log."
     said = " ".join(str(error).split())

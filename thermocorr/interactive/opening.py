@@ -1,4 +1,4 @@
-"""What a workbench is opened with: files, a built-in record, a session, or what was done before."""
+"""Opening a workbench: with files, a built-in record, a session, or earlier steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .tiles import Store
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """What a workbench is opened with."""
+    """Arguments with which a workbench is opened."""
 
     paths: tuple[str, ...] = ()
     """Files of the log; none for a built-in record."""

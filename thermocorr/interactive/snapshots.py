@@ -44,7 +44,7 @@ DRAWN, COLUMNS = 600, 12
 
 
 def snapshot(bench: Bench) -> dict[str, Any]:
-    """Everything that the screen shows beside curves and clouds."""
+    """Everything that the screen shows besides curves and clouds."""
     found = bench.current
     roles = bench.arrangement().roles
     frame = bench.source.frame
@@ -111,7 +111,7 @@ def _role_of(roles: Roles | None, frame: pd.DataFrame) -> Callable[[str], str]:
 
 
 def _is_joined(name: str, found: Fitted) -> bool:
-    """Whether a column of dates, or of times of day, went into the column of times."""
+    """True if a column of dates, or of times of day, went into the column of times."""
     roles = found.arrangement.roles
     assert roles is not None  # there is a model
     return name not in found.data.X.columns and name != roles.reading and name not in roles.ignored
@@ -136,7 +136,7 @@ def _said(bench: Bench, found: Fitted | None) -> list[str]:
 
 
 def _advised(bench: Bench) -> str:
-    """Which correction to use, in a sentence; "" where that is not known."""
+    """Sentence on which correction to use; "" where that is not known."""
     advice = bench.advised.get(bench.arrangement(1).key())
     later = bench.known(bench.arrangement(1).key()).get("later")
     if advice is None:
@@ -284,7 +284,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
 
 
 def _left(judged: Diagnosis, scale: Scale) -> list[str]:
-    """What no cause explains; that is what is left when the causes are added, and says so."""
+    """Residual that no cause explains."""
     said = [printable(words) for words in left_sentences(judged.left, scale, judged.verdict)]
     return [f"With what is named below added: {said[0][0].lower()}{said[0][1:]}", *said[1:]] if judged.causes else said
 

@@ -35,7 +35,7 @@ class TrialRecord(NamedTuple):
         return self.make.func.__name__
 
     def code(self) -> str:
-        """What makes it, as Python."""
+        """Python code that makes it."""
         given = [*map(repr, self.make.args), *(f"{name}={value!r}" for name, value in self.make.keywords.items())]
         return f"{self.loader}({', '.join(given)})"
 

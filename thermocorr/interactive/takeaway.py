@@ -85,7 +85,7 @@ def with_past(bench: Bench, node: Any) -> Bench:
 
 
 def is_session(path: str | Path) -> bool:
-    """Whether a file is a session, by its name and its first characters."""
+    """True if a file is a session, by its name and its first characters."""
     path = Path(path)
     if path.suffix.lower() != ".json" or not path.is_file():
         return False
@@ -143,7 +143,7 @@ def _source(node: Any, folder: Path) -> ReadLog:
 
 
 def _there(name: str, folder: Path) -> str:
-    """A log where it was, or beside the session's file."""
+    """A log where it was, or next to the session's file."""
     return name if Path(name).exists() or not (folder / Path(name).name).exists() else str(folder / Path(name).name)
 
 
@@ -201,7 +201,7 @@ def _title(source: ReadLog) -> str:
 
 
 def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
-    """What the script is made of."""
+    """Chapters of the script."""
     arrangement = found.arrangement
     effects = [effect for _, effect in as_effects(found.model.effects)]
     steps = [f"{number}. {_plain(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)]

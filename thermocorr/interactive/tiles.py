@@ -59,7 +59,7 @@ class TileCells(NamedTuple):
     low: np.ndarray
     high: np.ndarray
     falls: np.ndarray
-    """Whether the first value is above the last one."""
+    """True if the first value is above the last one."""
 
     @classmethod
     def of(cls, values: np.ndarray, starts: np.ndarray) -> TileCells:

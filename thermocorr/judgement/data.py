@@ -251,12 +251,12 @@ def _numeric(X: Any) -> list[Any]:
 
 
 def _is_of(name: Any, special: Collection[Any]) -> bool:
-    """Whether a state is one of a column that plays another role: a run's label, a date."""
+    """True if a state is one of a column that plays another role: a run's label, a date."""
     return isinstance(name, str) and any(parted_state(name, [column]) for column in special if column is not None)
 
 
 def _clock(column: np.ndarray, read: Record) -> bool:
-    """Whether a column tells nothing but the time."""
+    """True if a column tells nothing but the time."""
     rows = np.arange(len(column)) if read.order is None else np.argsort(read.order)
     if len(rows) != len(column):
         return False

@@ -52,18 +52,18 @@ class Cause:
     effect: Effect
     worth: Worth
     before: float
-    """Rms error on later stretches beside the other causes, and without it."""
+    """Rms error on later stretches given the other causes, and without it."""
     moment: float | None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
     evenly: bool
-    """Whether it must help evenly: a product, or what has memory."""
+    """True if it must help evenly: a product, or what has memory."""
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
-    """What is worth adding, what lowers the error most first, and what is there and too small.
+    """Causes worth adding, the largest fall of the error first, and causes that are too small.
 
     One is added after the other, or two at once where one hides what the other is worth; and left out again where it is
-    worth nothing beside those that came later.
+    worth nothing given those that came later.
     """
     kept, left, held = list[_Offer](), [_Offer(pool, term, search) for term in terms], pool.out_of_sample
     while left:
@@ -85,7 +85,7 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
 
 
 def _best_pair(left: Sequence[_Offer], held: OutOfSample) -> list[_Offer]:
-    """The two of which each is worth most beside the other, or none."""
+    """The two of which each is worth most given the other, or none."""
     best, most = list[_Offer](), 0.0
     for one, other in combinations(left, 2):
         if one.weigh(held.with_columns(other.columns)) and other.weigh(held.with_columns(one.columns)):
@@ -101,9 +101,9 @@ def _beside(pool: Pool, kept: Sequence[_Offer], one: _Offer) -> OutOfSample:
 
 
 def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
-    """What the model's own lags lack: at most one lag, delay, rate or lead, if it helps much.
+    """Thermal part that the model lacks: at most one lag, delay, rate or lead, if it helps much.
 
-    Other effects are judged beside many lags, so that a poor thermal part makes none of them look guilty. Where none
+    Other effects are judged given many lags, so that a poor thermal part makes none of them look guilty. Where none
     was found, what the model's few lags leave is looked at.
     """
     if pool.rows.exact:
@@ -133,7 +133,7 @@ class _Offer:
         ]
 
     def weigh(self, held: OutOfSample) -> bool:
-        """Whether it is worth adding beside a model, in the form that clearly helps most."""
+        """True if it is worth adding to a model, in the form that clearly helps most."""
         worths = [held.worth([columns], self.moment)[0] for _, columns in self.forms]
         best = 0
         for k in range(1, len(worths)):
@@ -193,7 +193,7 @@ def diagnose(
     exclude : collection of str
         Kinds of `thermocorr.effects.CATALOGUE` not to try.
     suspects : sequence
-        Suspects of your own beside the catalogue: effects, classes of effects (tried over what their `candidates`
+        Suspects of your own, besides the catalogue: effects, classes of effects (tried over what their `candidates`
         returns), or scikit-learn transformers as in the model's `effects`.
 
     Returns

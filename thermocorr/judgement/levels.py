@@ -51,7 +51,7 @@ a second, neighbouring delay is named beside the true one in two of seven simula
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
-"""Lags of the thermal part that suspects are judged beside, evenly in the logarithm, and the model's own beside them. A
+"""Lags of the thermal part that suspects are judged given, evenly in the logarithm, and the model's own beside them. A
 poorer part makes other effects look guilty."""
 FASTEST = 0.25
 """Fastest lag of the base, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
@@ -63,7 +63,7 @@ SLOWEST = 0.1
 """Slowest lag of the base, as a share of all segments together; none is slower than the longest segment. Slower ones
 take drift, ageing and slow columns upon themselves: they are suspects instead."""
 STARTS = 7
-"""Decays of the start of a segment that suspects are judged beside: the model's own few leave what bodies between and
+"""Decays of the start of a segment that suspects are judged given: the model's own few leave what bodies between and
 beyond them keep of the time before. In 300 runs of an hour that was a hysteresis."""
 BEYOND = 2.0
 """How far they reach beyond the model's fastest and slowest, as a factor."""
@@ -76,7 +76,7 @@ GROUPS = 16
 """Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
 frequency: what one segment's directions share with another's so far away is next to nothing."""
 HELD = 1e-9
-"""Share of a column in a segment, beside its start-up decays, below which it counts as rounding error."""
+"""Share of a column in a segment, given its start-up decays, below which it counts as rounding error."""
 TIME_LIKE = 0.999_999
 """Correlation with time above which a recorded column is a clock, no suspect."""
 MOST_EMPTY = 8
@@ -194,7 +194,7 @@ OF_THERMOMETER = 2.0
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
 STRUCTURE = 12.0
-"""Log likelihood of wandering noise over white noise, beside everything else, from which structure is left: for eight
+"""Log likelihood of wandering noise over white noise, given everything else, from which structure is left: for eight
 parts, 12 has a p-value of 0.002."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""

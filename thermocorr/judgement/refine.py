@@ -29,7 +29,7 @@ from .report import WIDTH, Diagnosis, FoundSuspect
 
 @dataclass(frozen=True, repr=False)
 class Refinement(RefinementPage):
-    """What `refine` did, step by step. Prints as a table."""
+    """Steps of `refine`. Prints as a table."""
 
     steps: pd.DataFrame
     """One row a step: step, effect, change ("given" or "added"), rms (in sample), held_out_rms, later_rms (on stretches
@@ -44,7 +44,7 @@ class Refinement(RefinementPage):
     added: tuple[tuple[FoundSuspect, ...], ...] = ()
     """What each step added."""
     untried: bool = False
-    """Whether what the last diagnosis names has not been tried: no step was left for it."""
+    """True if what the last diagnosis names has not been tried: no step was left for it."""
 
     @property
     def moment(self) -> float | None:
@@ -242,7 +242,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
 
 
 def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:
-    """What a fitted model has chosen, and some more time constants of one thermometer: of the first for None."""
+    """Choices of a fitted model with further time constants of one thermometer; None is the first."""
     found = dict(model.thermometers_)
     name = next(iter(found)) if thermometer is None else thermometer
     found[name] = np.unique([*found[name], *seconds_array(more)])
@@ -251,6 +251,6 @@ def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dic
 
 
 def same_but_for_lags(one: Effect, other: Effect) -> bool:
-    """Whether two effects that may have lags of their own, knees or columns, differ in these at most."""
+    """True if two effects that may have lags of their own, knees or columns, differ in these at most."""
     params = [{k: v for k, v in e.get_params(deep=False).items() if k != "time_constants"} for e in (one, other)]
     return type(one) is type(other) and params[0] == params[1]

@@ -1,4 +1,4 @@
-"""What was found, as the reader sees it: causes, when they happened, and what is left beside them."""
+"""Results of a diagnosis: causes, when they happened, and the unexplained residual."""
 
 from __future__ import annotations
 
@@ -64,10 +64,10 @@ class Loud(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """What no cause explains."""
+    """Residual that no cause explains."""
 
     structured: bool
-    """Whether it wanders clearly, beyond white noise."""
+    """True if it wanders clearly, beyond white noise."""
     floor: float
     """Standard deviation of one sample that nothing foresees, in the unit of y."""
     wandering: float
@@ -91,7 +91,7 @@ class Left:
     smallest_step: float
     """Step in the middle of the record that it could have shown, in the unit of y."""
     spectrum: pd.DataFrame = field(compare=False)
-    """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` beside all causes,
+    """Amplitude spectral densities by frequency [Hz], in the unit of y over sqrt(Hz): ``residual`` given all causes,
     ``noise`` as the judgement takes it, and its ``white`` part."""
 
     rounding: float = 0.0
@@ -99,14 +99,14 @@ class Left:
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
     unjudged: float = 0.0
-    """Share of the readings that are behind gaps, or beside filled cells, and neither learned from nor judged; 0 where
+    """Share of the readings that are behind gaps, or next to filled cells, and neither learned from nor judged; 0 where
     they are few."""
     unjudged_rms: float = 0.0
     """Rms residual of these readings, in the unit of y."""
     filtered: float = 0.0
     """How long the noise of an instrument remembers that filters or averages, a few samples [s]; else 0."""
     drift_hides: bool = False
-    """Whether a drift of several noises would pass for what model and causes have; False beside a model that has
+    """True if a drift of several noises would pass for what model and causes have; False given a model that has
     effects of time alone, and where the reading is exact."""
 
     start_or: tuple[str, ...] = ()
@@ -114,22 +114,22 @@ class Left:
 
     @property
     def absurd(self) -> bool:
-        """Whether a few readings make most of the residual: no noise has such tails."""
+        """True if a few readings make most of the residual: no noise has such tails."""
         return self.tails > TAILS and not self.rounding
 
     @property
     def of_thermometers(self) -> bool:
-        """Whether what wanders is no more than the errors of the thermometers make in the reading."""
+        """True if what wanders is no more than the errors of the thermometers make in the reading."""
         return self.structured and self.wandering <= OF_THERMOMETER * together(self.thermometers)
 
     @property
     def unknown(self) -> bool:
-        """Whether there is structure whose cause is not known."""
+        """True if there is structure whose cause is not known."""
         return (self.structured and not self.of_thermometers) or self.absurd
 
 
 def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = ()) -> Left:
-    """Describe the noise beside the last base, and the residual of each row; name what is `copied`."""
+    """Describe the noise given the last base, and the residual of each row; name what is `copied`."""
     pool, judged = search.pool, search.judged
     loud = _loud(pool)
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
@@ -173,7 +173,7 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
 
 
 def _is_gaussian(judged: Comparison) -> bool:
-    """Whether fourth moments of what is left, and of its steps, are those of Gaussian noise.
+    """True if fourth moments of what is left, and of its steps, are those of Gaussian noise.
 
     What is switched has two levels or rare large steps: popcorn noise is no filter's.
     """
@@ -272,7 +272,7 @@ def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
 
 
 def _harmonic(slowest: FoundSuspect, wave: FoundSuspect, apart: float) -> int:
-    """Which multiple of a wave's frequency another one has, as far as the record can tell; 0 for none."""
+    """Multiple of a wave's frequency that another one has, as far as the record can tell; 0 for none."""
     multiple = round(_period(slowest) / _period(wave))
     off = abs(1 / _period(wave) - multiple / _period(slowest))
     return multiple if 1 < multiple <= HARMONICS and off < apart else 0
@@ -284,7 +284,7 @@ def _period(wave: FoundSuspect) -> float:
 
 def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
     """The causes with some of them as one, in the place of the first."""
-    fall = sum(cause.later_db for cause in own)  # each was judged beside those before it
+    fall = sum(cause.later_db for cause in own)  # each was judged given those before it
     together = replace(
         one,
         standing="proven",
@@ -306,7 +306,7 @@ def intervals(pool: Pool, judged: Comparison, causes: Sequence[Term]) -> list[tu
     """Intervals (95 %) of the moments of each cause [s] since the record began; none for causes without a moment.
 
     A moment may lie wherever the likelihood falls by no more than `MOMENTS`, the coefficients held. That is the
-    quantile of its fall at the true moment, (1 - exp(-fall))^2 <= 95 %, for jumps that are small beside the noise of a
+    quantile of its fall at the true moment, (1 - exp(-fall))^2 <= 95 %, for jumps that are small against the noise of a
     sample (Siegmund, Int. Stat. Rev. 56, 1988); a large jump is known better, to the sample.
     """
     with_moments = [k for k, cause in enumerate(causes) if cause.tried.key[0] in DATED]
@@ -344,7 +344,7 @@ def _heights(judged: Comparison, causes: Sequence[Term]) -> tuple[list[np.ndarra
 
 
 def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, seconds: np.ndarray) -> Interval:
-    """Where a shift that begins at a row may begin: times of the rows before and after."""
+    """Interval in which a shift at a row may begin: times of the rows before and after."""
     reach, n = len(shift) // 4, len(shift)
     before, after = slice(max(row - reach, 1), row), slice(row, min(row + reach, n - 1))
     earlier = _falls(shift[before][::-1], -left[before][::-1], kernel) <= MOMENTS
@@ -355,7 +355,7 @@ def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, sec
 
 
 def _falls(shift: np.ndarray, left: np.ndarray, kernel: Kernel) -> np.ndarray:
-    """How far the likelihood falls as the first one, two, ... rows lose their shift."""
+    """Fall of the likelihood as the first one, two, ... rows lose their shift."""
     own = products_from(shift[::-1, None], kernel, mirrored=False)[::-1, 0, 0]
     return np.asarray(np.cumsum(shift * left) + 0.5 * own)
 
@@ -393,9 +393,9 @@ class FoundSuspect:
     moment: float | None = None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
     evenly: bool = False
-    """Whether it must help evenly: a product, or what has memory."""
+    """True if it must help evenly: a product, or what has memory."""
     in_model: bool = False
-    """Whether this record cannot tell it apart from slow lags that the model has: a slow body."""
+    """True if this record cannot tell it apart from slow lags that the model has: a slow body."""
     when: tuple[tuple[Any, Any], ...] = ()
     """Interval (95 %) of each moment at which a step, another law or a disturbance begins or ends, in order of time:
     dates where the record has dates, else seconds since it began. Empty for other kinds."""
@@ -415,7 +415,7 @@ class FoundSuspect:
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Diagnosis(DiagnosisPage):
-    """What `diagnose` found. Prints as a page."""
+    """Result of `diagnose`. Prints as a page."""
 
     verdict: str
     """ "nothing missing", "missing", "ambiguous" or "unexplained"."""
@@ -450,12 +450,12 @@ class Diagnosis(DiagnosisPage):
 
     @property
     def causes(self) -> tuple[FoundSuspect, ...]:
-        """What is missing: each proven, or helpful on data that it was not learned from."""
+        """Missing effects: each proven, or helpful on data not learned from."""
         return self.suspects[: self.n_causes]
 
     @property
     def small(self) -> tuple[FoundSuspect, ...]:
-        """What is there, and worth too little to be added: later data would be predicted no better."""
+        """Effects that are too small to be added: later data would be predicted no better."""
         return self.suspects[self.n_causes : self.n_causes + self.n_small]
 
     @property
@@ -488,7 +488,7 @@ class Diagnosis(DiagnosisPage):
 
     @property
     def data(self) -> PageData | None:
-        """What a page shows of the model on the record, gathered when it is first asked for; None in a pickled copy."""
+        """Data of a page on the model and its record, gathered on first use; None in a pickled copy."""
         if "_data" not in self.__dict__:
             self.__dict__["_data"] = None if self.gather is None else self.gather()
         data: PageData | None = self.__dict__["_data"]

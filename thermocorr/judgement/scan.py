@@ -183,7 +183,7 @@ MANY: tuple[Key, ...] = ((Step.kind, None), (Disturbance.kind, None))
 
 
 def tries(n: int) -> dict[Key, int]:
-    """How many different moments or stretches each kind is tried at, on a record of n rows."""
+    """Number of moments or stretches at which each kind is tried, for a record of n rows."""
     return {(Step.kind, None): n, (SensitivityStep.kind, None): n, (Disturbance.kind, None): STRETCHES * n}
 
 
@@ -216,7 +216,7 @@ def dated(
 
 
 def lasting(pool: Pool, effect: Effect) -> bool:
-    """Whether an effect lasts for as many rows as the shortest that is looked for, however it was tuned.
+    """True if an effect lasts for as many rows as the shortest that is looked for, however it was tuned.
 
     A few large readings of heavy tails that follow on one another are no disturbance, the first ones no start, and they
     or the last ones no step. True for other kinds.
@@ -246,7 +246,7 @@ def moment(pool: Pool, row: int, ends: bool = False) -> float:
 
 
 def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
-    """What begins between an averaged row and the one before it."""
+    """Column that begins between an averaged row and the one before it."""
     effect = kind(moment(pool, row))
     effect.learn(pool.record)
     later = (pool.data.seconds >= effect.seconds_).astype(float)
@@ -255,7 +255,7 @@ def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
-    """Residual beside the base, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
+    """Residual given the base, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
     W = 1 / judged.bands.each_row(judged.S(theta))
     return judged.bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None])
 
@@ -396,7 +396,7 @@ def change_gains(
 
 
 def _held(judged: Comparison, theta: np.ndarray, base: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What the base holds of the products of two columns cut at each row, shape (n, 2, 2).
+    """Projection on the base of the products of two columns cut at each row, shape (n, 2, 2).
 
     It changes slowly from row to row: it is computed at some rows, and straight lines go between.
     """

@@ -96,7 +96,7 @@ class BaseProducts:
         return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
 
     def taken(self, W: np.ndarray, founds: Sequence[ExplanationColumns]) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted sums of squares of the reading that explanations take away beside the base.
+        """Weighted sums of squares of the reading that explanations take away given the base.
 
         `W` (array of shape (J, bands)). `founds` (sequence of length K > 0). Returns taken (array of shape (J, K)): 0
         where the base holds one of an explanation's columns. Returns left (array of shape (J,)): what the base alone
@@ -181,7 +181,7 @@ class Fit:
     level: float
     """Log likelihood."""
     theta: np.ndarray
-    """Variances of the parts of the noise, in units of the reading's variance beside the first base."""
+    """Variances of the parts of the noise, in units of the reading's variance given the first base."""
 
 
 class Comparison:
@@ -226,7 +226,7 @@ class Comparison:
 
     @property
     def wanders(self) -> bool:
-        """Whether noise that wanders is far likelier than white noise, beside the base."""
+        """True if noise that wanders is far likelier than white noise, given the base."""
         return self.base.level - self.white > STRUCTURE
 
     @property
@@ -277,7 +277,7 @@ class Comparison:
         return 0 if found is None else found.rows.shape[1]
 
     def copy(self) -> Comparison:
-        """A copy with the explanations beside the base; what either adopts is not the other's."""
+        """A copy with the explanations given the base; what either adopts is not the other's."""
         other = copy(self)
         other.explanations, other.causes = list(self.explanations), list(self.causes)
         other.adopted = list(self.adopted)
@@ -288,7 +288,7 @@ class Comparison:
         self.explanations = [found and replace(found, rows=found.rows[:0].copy()) for found in self.explanations]
 
     def of(self, which: Sequence[int]) -> Comparison:
-        """A copy with some of the explanations beside the base."""
+        """A copy with some of the explanations given the base."""
         other = self.copy()
         other.explanations = [self.explanations[i] for i in which]
         return other
@@ -321,7 +321,7 @@ class Comparison:
         return np.asarray(self.bands.parts @ theta)
 
     def left(self, theta: np.ndarray) -> np.ndarray:
-        """What the base leaves of the reading under a given noise, rows of the transform."""
+        """Residual of the reading after the base under a given noise, rows of the transform."""
         return np.asarray(self.z - self.Q @ self._solved_one(None, theta)[0])
 
     def taken(self, theta: np.ndarray, moments: np.ndarray) -> np.ndarray:
@@ -405,7 +405,7 @@ class Comparison:
         return coefs[0], power[:, 0]
 
     def smallest(self, column: np.ndarray, gain: float) -> float:
-        """Coefficient of a column, shape (n,), at which it gains a log likelihood on the average, beside this base.
+        """Coefficient of a column, shape (n,), at which it gains a log likelihood on the average, given this base.
 
         Infinite for a column that lies in the base.
         """

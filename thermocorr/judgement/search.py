@@ -3,7 +3,7 @@
 The score of a set is the log likelihood of the record under it, its noise estimated anew, less a price for each term:
 what its columns, its tuned numbers and the places at which it was sought gain by chance (Schwarz 1978). Terms are
 added, one or two at once, tuned, dropped and exchanged until nothing gains. What is added must be proven: its error
-probability, the whole family having been tried, is below `LEVEL`, beside all others that are kept.
+probability, the whole family having been tried, is below `LEVEL`, given all others that are kept.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def together(thermometers: pd.DataFrame) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Copies:
-    """What copies of an effect's columns, moved in time, make of a record beside the effect itself.
+    """Gains of time-shifted copies of an effect's columns, against the effect itself.
 
     A few slow swings go with a few others by chance, whatever noise is assumed. What the copies gain in log likelihood
     is what such swings gain of a record that has nothing to do with them: half a unit for each column where the noise
@@ -88,7 +88,7 @@ class Copies:
 
     @property
     def excess(self) -> float:
-        """What evidence is divided by."""
+        """Divisor of the evidence."""
         return max(1.0, self.inflation / INFLATION)
 
 
@@ -121,11 +121,11 @@ class Tried:
     p_value: float
     """P-value, the whole family having been tried."""
     copied: bool = False
-    """Whether it would be proven, but copies of its column moved in time explain nearly as much."""
+    """True if it would be proven, but copies of its column moved in time explain nearly as much."""
 
     @property
     def proven(self) -> bool:
-        """Whether the likelihood proves it."""
+        """True if the likelihood proves it."""
         return self.p_value <= LEVEL and self.score > 0
 
     @property
@@ -134,7 +134,7 @@ class Tried:
         return self.explanation.key
 
     def as_likely(self, best: Tried) -> bool:
-        """Whether it scores as much as the best, or would if no tuned parameter had a price."""
+        """True if it scores as much as the best, or would if no tuned parameter had a price."""
         return (
             self.score > 0 and max(self.score - best.score, self.score + self.tuning - best.score - best.tuning) >= -TIE
         )
@@ -201,25 +201,25 @@ class Family:
         return Shifts(self.judged, self.pool.temperature, self.pool.data.segment, self.pool.rows.weight)
 
     def alive(self) -> list[int]:
-        """Numbers of explanations that say something beside the present base."""
+        """Numbers of explanations that say something given the present base."""
         return [i for i in range(len(self.judged.explanations)) if self.judged.width(i)]
 
     def price(self, i: int) -> float:
-        """What an explanation's columns, tuned parameters and the choice of them gain by chance (Schwarz 1978)."""
+        """Gain by chance of an explanation's columns, tuned parameters and their choice (Schwarz 1978)."""
         return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
 
     def price_of_columns(self, width: int) -> float:
-        """What a number of columns gain by chance."""
+        """Gain of a number of columns by chance."""
         return 0.5 * math.log(self.judged.n) * width
 
     def price_of_tuning(self, i: int) -> float:
-        """What the tuned parameters and the choice of them gain by chance."""
+        """Gain of the tuned parameters and their choice by chance."""
         tried = self.tried[i]
         return max(0.5 * math.log(self.judged.n) * tried.n_tuned, math.log(self.sizes.get(tried.key, 1)))
 
     @property
     def looks(self) -> int:
-        """How often the whole family has been tried: beside each number of causes so far."""
+        """Number of times the whole family has been tried: once per number of causes."""
         return 1 + len(self.judged.causes)
 
     def p_value(self, gain: float, i: int, found: int | None = None) -> float:
@@ -233,7 +233,7 @@ class Family:
         return float(min(1.0, looks * self.tests.get(explanation.key, 1.0) * chance))
 
     def weighed(self, i: int, fit: Fit) -> Tried:
-        """An explanation with what speaks for it: its fit beside the base."""
+        """An explanation with what speaks for it: its fit given the base."""
         gain = fit.level - self.judged.base.level
         return Tried(
             explanation=self.tried[i],
@@ -347,7 +347,7 @@ class Search:
         return self.pool.out_of_sample.with_columns(np.column_stack(coarse)) if coarse else self.pool.out_of_sample
 
     def _worth(self, held: OutOfSample, which: Sequence[int]) -> dict[int, Worth]:
-        """What explanations are worth beside a model; what has a moment behind that."""
+        """Out-of-sample gain of explanations added to a model; of one with a moment, after that."""
         moments = {i: self.pool.moment(self.family.tried[i].effect) for i in which}
         found = dict[int, Worth]()
         for moment in set(moments.values()):
@@ -411,7 +411,7 @@ class Search:
         return self.judged is not before
 
     def _tune(self, which: Sequence[int]) -> None:
-        """Move the parameters of terms to where they explain most beside the others."""
+        """Move the parameters of terms to where they explain most given the others."""
         for number in which:
             term = self.family.tried[number]
             if term.in_model or not term.n_tuned:
@@ -430,7 +430,7 @@ class Search:
                 self.helpful = [new if each == number else each for each in self.helpful]
 
     def _drop(self) -> None:
-        """Drop terms that are not proven beside the others, the worst first."""
+        """Drop terms that are not proven given the others, the worst first."""
         while len(self.judged.adopted) > 1:
             chances = []
             for k, number in enumerate(self.judged.adopted):
@@ -466,7 +466,7 @@ class Search:
 
     # ---- what was found --------------------------------------------------------------------------------------------
     def terms(self) -> list[Term]:
-        """The terms, each beside all others, with what cannot be told apart from it."""
+        """The terms, each given all others, with what cannot be told apart from it."""
         found = []
         for k, number in enumerate(self.judged.adopted):
             beside = self.judged.dropped(k)
@@ -487,7 +487,7 @@ class Search:
 
     @property
     def rounded(self) -> bool:
-        """Whether what is left is no more than the rounding of the reading, which follows all that the reading does."""
+        """True if what is left is no more than the rounding of the reading, which follows all that the reading does."""
         left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
         return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
 

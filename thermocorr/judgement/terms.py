@@ -89,10 +89,10 @@ class Starts:
 
 
 class JudgedRows:
-    """What averaged rows are worth, and what is done to every column before it is compared.
+    """Weights of averaged rows, and the transform of every column before it is compared.
 
     `data` (Averages). `decays` (sequence of arrays of shape (n, k)): Start-up decays, see `starts_of`. `base`
-    (sequence of arrays of shape (n, k)): Columns that are judged beside: spikes and noise are those of what they
+    (sequence of arrays of shape (n, k)): Columns that are judged given: spikes and noise are those of what they
     leave. `span` (array of shape (n,)): Number of the span over which noise goes on.
     """
 
@@ -109,19 +109,19 @@ class JudgedRows:
         self.left_out = self.spikes = self.spikes | spikes(self._left_beside(base), rounding)
         left = self._left_beside(base)
         self.exact = bool(np.sqrt(np.mean(left**2)) <= rounding)
-        """Whether the base leaves nothing of the reading but rounding."""
+        """True if the base leaves nothing of the reading but rounding."""
         self.weight *= evenness(left, span)
         self.starts = self._starts(decays)
         self.left_out = self.spikes | _outstanding(self._left_beside(base))
 
     def _left_beside(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """What least squares leaves of the reading."""
+        """Least-squares residual of the reading."""
         Q = orthonormal(np.column_stack([self.constant, *map(self.weighed, columns)]))
         reading = self.weighed(self.data.reading)
         return np.asarray(reading - Q @ (Q.T @ reading))
 
     def _starts(self, decays: Sequence[np.ndarray]) -> Starts:
-        """What start-up decays hold of weighted rows."""
+        """Projection of weighted rows on start-up decays."""
         together = np.column_stack([np.zeros((len(self.weight), 0)), *decays])
         return Starts(together * self.weight[:, None], self.data.segment)
 
@@ -202,7 +202,7 @@ class OwnStart(Effect):
 
 
 class Before(Effect):
-    """What the parts of a device keep of the time before the record, each as much as the model says of its lag.
+    """Start terms: what the device's parts keep from before the record, each by the coefficient of its lag.
 
     Of another temperature until then, that is the sum of their decays, eq. (18), times the coefficients of the lags. Of
     one that was rising, the slow parts keep more: with rank 2, in proportion to their time constants.
@@ -258,7 +258,7 @@ class Explanation:
     columns: np.ndarray = field(repr=False)
     """Shape (n, k), or (0, k) where they are not kept: see `Pool.with_columns`."""
     in_model: bool = False
-    """Whether the model has it already: slow lags and the start, which the base of the judgement does without."""
+    """True if the model has it already: slow lags and the start, which the base of the judgement does without."""
 
     def forgotten(self) -> Explanation:
         """The explanation without its columns; with them where it is a model's start, which is not made anew."""
@@ -271,7 +271,7 @@ class Explanation:
 
     @property
     def is_start(self) -> bool:
-        """Whether it is the start of the record, as far as the model has it."""
+        """True if it is the start of the record, as far as the model has it."""
         return self.in_model and self.effect.of_time_alone
 
     @cached_property
@@ -290,7 +290,7 @@ class Explanation:
 
 
 def of_first_rows(effect: Effect, step: float) -> bool:
-    """Whether a start is over so soon, with so long a step [s], that it could be a large first reading."""
+    """True if a start is over so soon, with so long a step [s], that it could be a large first reading."""
     return isinstance(effect, InitialTransient) and _times(effect).min(initial=np.inf) < SHORTEST_START * step
 
 
@@ -299,7 +299,7 @@ def _times(effect: ThermalLag | InitialTransient) -> np.ndarray:
 
 
 class Pool:
-    """A record, the base that explanations are judged beside, and the explanations."""
+    """A record, the base that explanations are judged given, and the explanations."""
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
@@ -336,11 +336,11 @@ class Pool:
         """What the start of the record may be in the model, each of shape (n, k)."""
 
     def _has(self, effect: Effect) -> bool:
-        """Whether the model has an effect already: a decay of the start of the record that is no slow one."""
+        """True if the model has an effect already: a decay of the start of the record that is no slow one."""
         return isinstance(effect, InitialTransient) and _times(effect).max(initial=0.0) <= self._started_by
 
     def compared(self, base: np.ndarray) -> Comparison:
-        """The record beside columns of a base, shape (n, p)."""
+        """The record given columns of a base, shape (n, p)."""
         return Comparison(self.reading, visible(base, self.reading), self.span, self.rows.starts.spread)
 
     def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
@@ -375,7 +375,7 @@ class Pool:
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:
-        """What the errors of the thermometers make in the reading, see `thermocorr.validation.thermometer_errors`.
+        """Effect of thermometer errors on the reading, see `thermocorr.validation.thermometer_errors`.
 
         Empty for averages, which hide them.
         """
@@ -410,7 +410,7 @@ class Pool:
 
     @cached_property
     def place(self) -> np.ndarray:
-        """Where each averaged row lies on an even grid, in whole steps; its number where pauses are too long."""
+        """Place of each averaged row on an even grid, in whole steps; its number where pauses are too long."""
         place = np.rint((self.data.seconds - self.data.seconds.min()) / self.spacing).astype(int)
         return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
 

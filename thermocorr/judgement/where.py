@@ -1,4 +1,4 @@
-"""Where a model fails: conditions under which its residual is larger than the noise explains."""
+"""Conditions under which a model's residual is larger than the noise explains."""
 
 from __future__ import annotations
 

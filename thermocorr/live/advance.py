@@ -35,18 +35,18 @@ NONE: dict[Any, Any] = {}
 
 
 class Advanced(NamedTuple):
-    """What a stream makes of one sample."""
+    """Result of a stream for one sample."""
 
     bias: float
     flags: tuple[str, ...]
     counts: bool
-    """Whether its corrected reading may move a tracked reference."""
+    """True if its corrected reading may move a tracked reference."""
     variances: np.ndarray | None = None
     """What `LiveErrors.variances` says of it, shape (2, 1); None unless asked for, and where there is no trust."""
 
 
 class Stream:
-    """Where a stream stands, and how it goes on.
+    """A stream: its state, and how it goes on.
 
     `model` (DynamicBiasRegressor). `continues` (bool): Whether the stream may continue or repeat the fitted record.
     `errors` (LiveErrors, optional): Where uncertainties are asked for.
@@ -144,7 +144,7 @@ class Stream:
         return math.inf if self.last is None or run != self._run else self.clock.between(stamp, self.last)
 
     def returns_behind(self, before: StreamState, stamp: Any, run: Any) -> bool:
-        """Whether a sample tells that the last one's time was false: it is earlier, and follows on those before."""
+        """True if a sample tells that the last one's time was false: it is earlier, and follows on those before."""
         if run != self._run or not stamp < self.last:
             return False
         if before.last is None or before.run != run:  # the first of its run, unless it follows closely on the fit
@@ -253,7 +253,7 @@ class Stream:
             return row, math.nan
 
     def _doubt(self, bias: float, others: dict[Any, float], twins: Any, believed: Any, seconds: float) -> float:
-        """What doubtful inputs may have added to the bias."""
+        """Change of the bias by doubtful inputs."""
         _, found = self._stepped(self._other_steps, others)
         doubted, sure = (np.array([[column in each for column, *_ in self._gates]]) for each in (twins, believed))
         doubt = self._doubts.rows(doubted, sure, np.array([bias - found]), np.array([seconds]))
@@ -285,7 +285,7 @@ class Stream:
             stepper.start(state)
 
     def _tied(self, stamp: Any, run: Any, values: Any) -> tuple[SegmentStart | None, list[Any]]:
-        """How a segment that begins with this row hangs on the fitted record, and its states."""
+        """Relation to the fitted record of a segment that begins with this row, and its states."""
         first = run not in self._seen
         if first:
             self._seen.append(run)
@@ -458,7 +458,7 @@ class Stream:
 
 
 class AdvancedBlock(NamedTuple):
-    """What a stream makes of many samples."""
+    """Result of a stream for many samples."""
 
     bias: np.ndarray
     flags: Flags

@@ -106,13 +106,13 @@ class OnlineCorrector:
         self._stream = Stream(model, self.continues, self.errors)
         self._screen = self._stream.history.later_screen
         self.columns = tuple(self._stream.inputs)
-        """Recorded columns that the model needs beside the temperature."""
+        """Recorded columns that the model needs besides the temperature."""
         self._given = [column_text(column) for column in self.columns]
         self.reset()
 
     @property
     def names(self) -> list[str]:
-        """Names of the results: those that were asked for beside the corrected reading stand last."""
+        """Names of the results: those that were asked for besides the corrected reading stand last."""
         names = ["corrected", "bias", "flag"]
         names += [] if self.average is None else ["smoothed"]
         names += [] if self.track is None else ["reference"]
@@ -209,7 +209,7 @@ class OnlineCorrector:
         return self._stream.clock.stamp(time)
 
     def has_seen(self, stamp: Any, run: Any) -> bool:
-        """Whether a sample of this time would be refused: it does not lie after the last one of its run."""
+        """True if a sample of this time would be refused: it does not lie after the last one of its run."""
         if self._doubt is not None and self._stream.returns_behind(self._doubt, stamp, run):
             return False  # it tells that the last one's time was false
         return self._stream.step_to(stamp, run) <= 0.0

@@ -193,7 +193,7 @@ NO_TEMPERATURE = "no temperature"
 
 
 class Corrected(NamedTuple):
-    """What is known about one sample."""
+    """Result for one sample."""
 
     corrected: float
     """Reading less bias, eq. (24); NaN without a reading."""
@@ -221,7 +221,7 @@ COLUMNS = {"flag": "flags"}
 
 
 class Answers:
-    """What a stream says of many samples, column by column."""
+    """Results for many samples, column by column."""
 
     def __init__(self, n: int):
         self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
@@ -409,7 +409,7 @@ NOTHING = (0.0, 0.0, 0.0, 0.0)
 
 
 class LiveFilling:
-    """Where the filling of a stream stands.
+    """State of the imputation in a stream.
 
     It counts every sample whose time goes on, those that lack all thermometers too: a stream passes over these.
 
@@ -441,13 +441,13 @@ class LiveFilling:
         return self.last, self.run, self._remembered()
 
     def _remembered(self) -> Numbers:
-        """What each stand-in remembers, and then the covariance of each column's error with what the lags feel."""
+        """State of each stand-in, then the covariance of each column's error with the lags."""
         states = [each.tolist() for each in self._states or ()]
         felt = [each.ravel().tolist() for each in self._felt or ()]
         return tuple(tuple(each) for each in (*states, *felt))
 
     def widths(self, n_parts: int) -> list[int]:
-        """How many numbers stand in each part of what is remembered; without errors where there are fewer parts."""
+        """Number of values in each part of the state; without errors where there are fewer parts."""
         if n_parts == len(self.filling.stand_ins):
             return [one.width for one in self.filling.stand_ins]
         return [*(one.width for one in self.filling.stand_ins), *((len(law.weights) + 1) ** 2 for law in self.law.laws)]
@@ -542,5 +542,5 @@ class LiveFilling:
 
 
 def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:
-    """Whether a further column lies outside its fitted range."""
+    """True if a further column lies outside its fitted range."""
     return any(not low <= values[column] <= high for column, low, high in ranges)

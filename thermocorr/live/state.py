@@ -47,7 +47,7 @@ class StreamState:
     seen: tuple[Any, ...] = ()
     """Labels of all runs so far."""
     open: bool = False
-    """Whether a segment goes on: the last sample had all that the effects need."""
+    """True if a segment goes on: the last sample had all that the effects need."""
     key: int | None = None
     """Fitted segment that it belongs to."""
     segment_zero: Any = 0
@@ -80,7 +80,7 @@ class StreamState:
 
 @dataclass(frozen=True)
 class StreamSettings:
-    """How a stream was begun."""
+    """Settings of a stream."""
 
     continues: bool
     average: int | None
@@ -89,7 +89,7 @@ class StreamSettings:
 
 
 class StreamPlace(NamedTuple):
-    """Where a stream stands in a record without times."""
+    """Position of a stream in a record without times."""
 
     next_row: int
     sure: bool
@@ -97,7 +97,7 @@ class StreamPlace(NamedTuple):
 
 
 def model_mark(model: DynamicBiasRegressor) -> str:
-    """What tells models apart: a digest of columns, coefficients and where the fitted record stands in time."""
+    """Digest that tells models apart: of columns, coefficients and the times of the fitted record."""
     history = model.features_.history_
     said = repr((list(model.features_.get_feature_names_out()), history.kind, history.zero, float(model.intercept_)))
     return hashlib.sha256(said.encode() + model.coef_.astype("<f8").tobytes()).hexdigest()
@@ -248,7 +248,7 @@ def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
 
 
 def _inputs(model: DynamicBiasRegressor) -> int:
-    """How many inputs have a gate."""
+    """Number of inputs with a gate."""
     screen = model.features_.history_.screen
     return 0 if screen is None else sum(one.motion is not None for one in screen.inputs.values())
 

@@ -62,7 +62,7 @@ def _or_null(value: float) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What is told of a record, in a terminal, as JSON and on a page. Prints in at most 16 lines of 100 characters."""
+    """Answer on a record, for terminal, JSON and page. Prints in at most 16 lines of 100 characters."""
 
     diagnosis: Any = None
     """Diagnosis of the model; a refinement has its own."""
@@ -98,7 +98,7 @@ class Answer:
 
     @property
     def advised(self) -> Advice | None:
-        """Which correction to use."""
+        """Advised correction."""
         return self.advice if self.advice is not None or self.comparison is None else self.comparison.advice
 
     @property
@@ -110,14 +110,14 @@ class Answer:
 
     @property
     def refined(self) -> bool:
-        """Whether the refined model is the one to use; without a comparison, whether there is one."""
+        """True if the refined model is the one to use; without a comparison, whether there is one."""
         if self.refinement is None or not further_text(self.refinement):
             return False
         return self.advised is None or self.advised.choice == REFINED
 
     @property
     def choice(self) -> str:
-        """What to use, as `Advice.choice` has it: none, static, dynamic or refined; "" where that cannot be told."""
+        """Choice as in `Advice.choice`: none, static, dynamic or refined; "" where there is none."""
         if self.advised is None:
             return REFINED if self.refined else ""
         return self.advised.choice
@@ -132,7 +132,7 @@ class Answer:
 
     @property
     def causes(self) -> tuple[Missing, ...]:
-        """What was missing and is added, in this order; then what is missing, what is worth most first."""
+        """Missing effects: those added, in order, then those not added, the most helpful first."""
         if self.refinement is None:
             return () if self.diagnosis is None else tuple(Missing(s, "missing") for s in self.diagnosis.causes)
         tried = [suspect for some in self.refinement.added for suspect in some]
@@ -144,7 +144,7 @@ class Answer:
 
     @property
     def left(self) -> list[str]:
-        """What the causes leave, and what the record could have shown."""
+        """Sentences on the unexplained residual, and on the detection limits of the record."""
         found = self.last
         return [self.unjudged] if found is None else left_sentences(found.left, self.scale(), found.verdict)
 
@@ -160,7 +160,7 @@ class Answer:
         return scale_of(sizes, str(printable(unit)))
 
     def to_dict(self) -> dict[str, Any]:
-        """What JSON has: errors in the unit of the reading, on stretches predicted from everything before them."""
+        """Answer as JSON: errors in the unit of the reading, on stretches predicted from all earlier data."""
         advice, found = self.advised, self.last
         error: dict[str, Any] = {"before": None, "after": None, "after_range": None}
         errors: dict[Any, float] = {}
@@ -181,7 +181,7 @@ class Answer:
         }
 
     def sentence(self) -> str:
-        """What to use, and what it is worth."""
+        """Sentence on which correction to use, and its error."""
         advice, scale = self.advised, self.scale()
         if advice is None:
             return f"The refined model has {self.model.removeprefix('with ')}." if self.refined else ""
@@ -286,7 +286,7 @@ class Answer:
         return f"{of}: {found.verdict}{tied}. {self.left[0]}"
 
     def _after(self) -> str:
-        """What to do next."""
+        """Advice on the next step."""
         found = self.last
         if found is None:
             return ""

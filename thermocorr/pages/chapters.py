@@ -118,7 +118,7 @@ class WherePlace(NamedTuple):
 
 
 def where(found: Any, title: str, data: PageData, figures: Markup) -> Section:
-    """Where the model fails; the worst place in words."""
+    """Section on where the model fails; the worst place in words."""
     table, calm = found.where, VERDICTS[found.verdict].calm
     # Places of failure in the first table; the rest is folded
     shown = 0 if calm else 8
@@ -166,7 +166,7 @@ def cure(found: Any, title: str) -> Section:
 
 
 class Scales(NamedTuple):
-    """What parameters of effects are said on."""
+    """Scales for the parameters of effects."""
 
     start: float | None
     """Seconds since 1970 of the first row; None for a record without dates."""
@@ -244,7 +244,7 @@ def steps(refinement: Any, title: str, figures: Markup) -> Section:
 
 
 def in_short(refinement: Any) -> Markup:
-    """What refinement achieved, in a sentence."""
+    """Sentence on what refinement achieved."""
     table, unit = refinement.steps, refinement.diagnoses[0].unit
     scale = steps_scale(refinement)
     return rendered("in_short", first=table.iloc[0], last=table.iloc[-1], unit=unit, scale=scale)
@@ -319,7 +319,7 @@ def digits_down_to(error: float, value: float) -> int:
 
 
 def quality(data: PageData, title: str) -> Section:
-    """What is odd about the data."""
+    """Section on problems of the data."""
     remarks: list[Any] = list(data.notes)
     for flag, count in sorted(data.traces.flags.items()):
         if flag:
@@ -340,5 +340,5 @@ def quality(data: PageData, title: str) -> Section:
 
 
 def provenance(data: PageData, title: str, command: str, source: str) -> Section:
-    """How the page came about."""
+    """Section on the data, the command and the versions."""
     return section("versions", title, versions=list(data.versions), command=command, source=source)

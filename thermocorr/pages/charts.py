@@ -110,7 +110,7 @@ class Extremes:
         self.width = 1
         """Rows of a cell (fewer at the end of a segment)."""
         self.across = False
-        """Whether segments are so short and many that cells reach over them."""
+        """True if segments are so short and many that cells reach over them."""
         self._parts: list[tuple[np.ndarray, ...]] = []
         self._count = 0
         self._segment = -1
@@ -185,7 +185,7 @@ class Extremes:
         return points[counts > 0], sums[counts > 0] / counts[counts > 0]
 
     def _begins(self) -> np.ndarray:
-        """Whether a line begins at each cell."""
+        """True if a line begins at each cell."""
         segment = self._joined()[0]
         return np.concatenate(([True], (np.diff(segment) != 0) & (not self.across)))
 
@@ -254,7 +254,7 @@ class ChartLine:
     dash: bool = False
     dots: bool = False
     joined: bool = True
-    """Whether points are joined by a line."""
+    """True if points are joined by a line."""
     edge: bool = False
     """Edge of the band around the line before it: two follow one another, the lower first."""
     stretches: np.ndarray | None = None
@@ -297,7 +297,7 @@ class Chart:
     """Stretches of x that stand out: from, to."""
 
     def payload(self) -> dict[str, Any]:
-        """What the script reads."""
+        """Data for the script."""
         return {
             "name": self.name,
             "x": {

@@ -1,4 +1,4 @@
-"""What a page shows of a fitted model and a record, small enough to stay with a diagnosis."""
+"""Data of a page on a fitted model and a record, small enough to stay with a diagnosis."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PageData:
     unit: str
     temperature_unit: str
     unit_named: bool
-    """Whether the record names that; else its values were taken for it by their size."""
+    """True if the record names that; else its values were taken for it by their size."""
     traces: Traces
     beside: tuple[tuple[str, str, str], ...]
     """Recorded columns in the traces: key, name, unit."""
@@ -125,7 +125,7 @@ class PageData:
         return self.timeline.zero if self.timeline.dates else None
 
     def record_sentence(self) -> str:
-        """What was measured, in one sentence."""
+        """Sentence on what was measured."""
         many = "" if self.n_segments == 1 else f", in {self.n_segments} stretches"
         said = f"{self.n_readings:,} readings of {self.reading}"
         if self.timeline.samples:
@@ -153,7 +153,7 @@ def _left_behind(model: Any, traces: Traces) -> str:
 
 
 def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
-    """What makes a corrected reading of the fitted record uncertain, usually."""
+    """Typical uncertainty of a corrected reading of the fitted record, by source."""
     if not model._knows_noise:
         return ()
     joint = model.joint_errors()

@@ -65,7 +65,7 @@ def page(data: PageData, answer: Answer) -> str:
 
 
 def leads(data: PageData, answer: Answer) -> list[Any]:
-    """What stands above everything: what to use and what it is worth, and what the record is."""
+    """Head of the page: which correction to use, its error, and the record."""
     return [*filter(None, [with_signs(answer.sentence())]), *data.warnings, data.record_sentence()]
 
 

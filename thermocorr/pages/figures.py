@@ -108,7 +108,7 @@ class Axis(NamedTuple):
     """x and true time (seconds since 1970, else in the unit of x) where segments begin, if they were moved."""
 
     def at(self, place: float) -> float:
-        """Where a place on the time line [s] stands on x."""
+        """Position on x of a place on the time line [s]."""
         return (place + self.zero) / self.scale
 
 
@@ -290,7 +290,7 @@ def _joined(x: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:
-    """What is to be seen, and what the points are."""
+    """Caption of the series: what it shows, and what a point is."""
     parts = ["The reading as measured, modelled and corrected; what the model leaves; and the temperature."]
     if floor is not None:
         parts.append("Dashed: twice the noise floor; about one white-noise sample in twenty lies outside.")

@@ -71,7 +71,7 @@ def asset(name: str, folder: str = "assets") -> str:
 
 
 def _shown(value: Any) -> Any:
-    """What stands for a value in a page: characters that no one can see are written out."""
+    """Text of a value in a page: invisible characters are written out."""
     return value if isinstance(value, Markup) else printable(value, "\n")
 
 
@@ -119,7 +119,7 @@ def with_signs(text: str) -> str:
 
 
 def condition_text(row: Any) -> str:
-    """What a place is about, its unit in the signs of print; names of columns stay as they are."""
+    """Name of a condition with its unit in print; names of columns stay as they are."""
     return aspect_text(row) if isinstance(row.column, str) else with_signs(aspect_text(row))
 
 

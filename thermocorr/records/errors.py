@@ -73,7 +73,7 @@ def as_command() -> Iterator[None]:
 
 
 def way(command: str, python: str) -> str:
-    """What is to be done, for the door that the log came through."""
+    """Advice in the words of the door that the log came through."""
     return command if _door[-1] == "command" else python
 
 

@@ -65,7 +65,7 @@ def fields_of(line: bytes) -> list[str]:
 
 
 def is_comment(line: str, n_fields: int, n_columns: int) -> bool:
-    """Whether a line of a log is none of its rows: it begins with #, and has another number of fields."""
+    """True if a line of a log is none of its rows: it begins with #, and has another number of fields."""
     return line.lstrip().startswith("#") and n_fields != n_columns
 
 
@@ -98,7 +98,7 @@ def header_of(line: bytes, place: str = "line 1") -> list[str]:
 
 
 def _is_value(cell: str) -> bool:
-    """Whether a cell is a number or a date, which are never names."""
+    """True if a cell is a number or a date, which are never names."""
     return _VALUE.fullmatch(cell.strip()) is not None
 
 
@@ -119,7 +119,7 @@ class RowError(RecordError):
 
 
 def miscounted(found: int, wanted: int) -> str:
-    """What is wrong with a row of `found` fields."""
+    """Message on a row with the wrong number of fields."""
     return f"it has {found} fields where the header has {wanted}"
 
 
@@ -143,7 +143,7 @@ def check_lines(content: bytes, n_columns: int, start: int, line: int = 2) -> tu
 
 
 def _plain_rows(block: bytes, n_columns: int) -> int:
-    """How many rows these lines are, if all of them are rows without quotes; 0 where they need a closer look."""
+    """Number of rows, if all lines are rows without quotes; 0 where they need a closer look."""
     marks = block.translate(None, _NO_MARKS)
     row = b"," * (n_columns - 1) + (b"\r\n" if marks.endswith(b"\r\n") else b"\n")
     rows = len(marks) // len(row)
@@ -160,7 +160,7 @@ def _is_text(block: bytes) -> bool:
 
 
 def _checked_rows(block: bytes, n_columns: int, line: int) -> int:
-    """How many rows these lines are, looked at one by one where one of their bytes is unusual."""
+    """Number of rows, each line checked by itself where one of its bytes is unusual."""
     ends = _places(block, b"\n") + 1
     starts = np.concatenate(([0], ends[:-1]))
     empty = _empty(block, starts, ends)

@@ -22,7 +22,7 @@ MOST_ROWS = 200_000
 
 @dataclass(frozen=True)
 class Gaps:
-    """What a record tells of gaps, in it or in later rows."""
+    """Knowledge of gaps from a record, for it and for later rows."""
 
     least: float
     """Steps above it are gaps [s]."""
@@ -102,7 +102,7 @@ def gap_rows(block: Block, least: float) -> np.ndarray:
 
 
 def _is_even(record: Record) -> bool:
-    """Whether steps can be told to be alike without a look at each."""
+    """True if steps can be told to be alike without a look at each."""
     usual = record.usual_step()
     # Share of a segment's length by which as many usual steps may differ from it: rounding
     return not len(record.skipped) and all(

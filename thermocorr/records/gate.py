@@ -42,7 +42,7 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class Motion:
-    """How an input moved in the fitted record."""
+    """Motion of an input in the fitted record."""
 
     low: float
     high: float
@@ -56,7 +56,7 @@ class Motion:
     step: float
     """The usual step [s]."""
     jumps: bool = field(default=False, compare=False, repr=False)
-    """Whether the farthest move was so far that it may have been a jump."""
+    """True if the farthest move was so far that it may have been a jump."""
 
     @classmethod
     def of(cls, record: Record, column: Any) -> Motion:
@@ -82,7 +82,7 @@ class Motion:
 
 
 def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
-    """How far an input moves from row to row, in a usual step, and how long it stands still at most [s]."""
+    """Usual and largest movement of an input from row to row, and its longest rest [s]."""
     step, even = record.usual_step(), record.times.even_step is not None and not len(record.skipped)
     for segment in record.segments:
         value, since = np.nan, np.nan
@@ -143,16 +143,16 @@ def _stood(moves: Floats, seconds: Floats, since: float) -> Floats:
 
 
 class Judged(NamedTuple):
-    """What a gate says of a row, or of consecutive rows."""
+    """Result of a gate for a row, or for consecutive rows."""
 
     value: Any
     """The value; the last one that was believed where it is held back."""
     twin: Any
     """What might stand there instead, where the value is held back or doubted; NaN elsewhere."""
     held: Any
-    """Whether it is held back."""
+    """True if it is held back."""
     believed: Any
-    """Whether a doubt ends with this row because the input has stayed away."""
+    """True if a doubt ends with this row because the input has stayed away."""
 
 
 class Gate:
@@ -229,11 +229,11 @@ class Gate:
         return Judged(value, self._moved(value) if stands else NAN, False, believed) if believed or stands else None
 
     def _at_end(self, value: float) -> bool:
-        """Whether an input may rest at a value: an end of its range, such as no rain."""
+        """True if an input may rest at a value: an end of its range, such as no rain."""
         return value == self.motion.low or value == self.motion.high
 
     def _moved(self, value: float) -> float:
-        """Where an input that stands still may be: farther out."""
+        """Range of an input that stands still: it widens."""
         middle = (self.motion.low + self.motion.high) / 2
         return value + math.copysign(self.motion.spread, value - middle)
 
@@ -278,7 +278,7 @@ EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, NAN)
 
 
 class Doubt:
-    """Which inputs are doubted from row to row, while a model goes on with two courses of them.
+    """Doubted inputs from row to row, while a model goes on with two courses of them.
 
     An input is doubted from a row in which it has a twin until it is believed, or until the two courses are one again:
     they have agreed for as long as the effects remember. So a belief ends the doubt of its own input alone.
@@ -297,11 +297,11 @@ class Doubt:
         self.stands, self.apart = state or ((AGREED,) * self.inputs, -math.inf)
 
     def state(self) -> tuple[tuple[int, ...], float]:
-        """How each input stands, and when the two courses were apart last [s]."""
+        """Status of each input, and when the two courses differed last [s]."""
         return self.stands, self.apart
 
     def rows(self, doubted: Any, believed: Any, difference: Floats, seconds: Floats) -> Floats:
-        """What doubtful inputs may have added to the bias in consecutive rows, shape (n,).
+        """Change of the bias by doubtful inputs in consecutive rows, shape (n,).
 
         `doubted`, `believed` (array of bool, shape (n, inputs)): Whether each input has a twin, and whether its doubt
         ends. `difference` (array, shape (n,)): Of the biases of the two courses. `seconds` (array, shape (n,)): Times.
@@ -320,5 +320,5 @@ class Doubt:
         return np.where(counts, found, 0.0)
 
     def over(self) -> bool:
-        """Whether the two courses are one again."""
+        """True if the two courses are one again."""
         return self.stands == (AGREED,) * self.inputs

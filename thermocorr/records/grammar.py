@@ -1,4 +1,4 @@
-"""What may stand in a cell of a table of text: a number, nothing, true or false, the label of a run. One grammar."""
+"""Grammar of the cells of a text table: a number, nothing, true or false, the label of a run."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _BLANKS = " \t"
 
 
 def is_missing(text: str) -> bool:
-    """Whether a cell is empty, or says so."""
+    """True if a cell is empty, or says so."""
     return text.strip(_BLANKS) in MISSING
 
 
 def says_no_value(text: str) -> bool:
-    """Whether a cell among numbers says in words that there is no value."""
+    """True if a cell among numbers says in words that there is no value."""
     bare = text.translate(MINUS).strip(_BLANKS).lower()
     return bare in NO_VALUE or bare.lstrip("+-") in NO_VALUE
 
 
 def has_other_blanks(text: str) -> bool:
-    """Whether a cell begins or ends with a line feed, a vertical tab or the like: no number does."""
+    """True if a cell begins or ends with a line feed, a vertical tab or the like: no number does."""
     return text.strip() != text.strip(_BLANKS)
 
 

@@ -68,7 +68,7 @@ class Thinned(Record):
 def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Record, dict[Any, float]]:
     """A record in memory, of at most about `most` rows.
 
-    `record` (Record). `columns` (mapping of name to column): Further columns beside the record's own; missing and
+    `record` (Record). `columns` (mapping of name to column): Further columns besides the record's own; missing and
     absurd numbers are left out of their averages. `most` (int): Up to so many rows the record stays as it is. Returns
     record (Record): a `Thinned` one where it is longer. Returns sound (dict): share of each further column that is
     neither missing nor absurd; 0 for one that never changes.
@@ -134,7 +134,7 @@ def _in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict
 
 
 class _Looked:
-    """What was seen of a column: how many of its numbers are sound, and whether they differ."""
+    """Summary of a column: how many of its numbers are finite, and whether they differ."""
 
     def __init__(self) -> None:
         self.count, self.low, self.high = 0, np.inf, -np.inf
@@ -220,7 +220,7 @@ class History:
 
     @cached_property
     def gaps(self) -> Gaps:
-        """What the fitted record tells of gaps in later rows."""
+        """Gaps of the fitted record, for later rows."""
         if self.known_gaps is not None:
             return self.known_gaps
         return Gaps.of(self.record, tuple(self.record.columns), least_gap(self.record, self.usual_step, self.stride))
@@ -410,7 +410,7 @@ class History:
         return None
 
     def _holds(self, key: int, record: Record, segment: Segment) -> bool:
-        """Whether rows of a segment are those of a fitted one: of rows of one time, some, most have the same values."""
+        """True if rows of a segment are those of a fitted one: of rows of one time, some, most have the same values."""
         kept, (begin, end, _) = self.record, self.record.segments[key]
         first, last = record.stamp(segment.start), record.stamp(segment.stop - 1)
         low = bisect_left(range(end), first, begin, key=kept.stamp)
@@ -520,6 +520,6 @@ class History:
 
 
 def _values(record: Record, row: int) -> dict[object, float]:
-    """What is known of a row, by column: NaN where a cell was filled."""
+    """Values of a row by column: NaN where a cell was filled."""
     gone = {name for name, errors in record.filled.items() if np.isfinite(errors[row])}
     return {name: np.nan if name in gone else float(column[row]) for name, column in record.columns.items()}

@@ -78,7 +78,7 @@ def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> Non
 
 
 def out_of_reach(label: Any) -> bool:
-    """Whether a label is a date or a span that no clock of nanoseconds reaches in every zone."""
+    """True if a label is a date or a span that no clock of nanoseconds reaches in every zone."""
     try:
         if isinstance(label, timedelta | np.timedelta64):
             value: int = pd.Timedelta(label).value
@@ -114,7 +114,7 @@ def states_of(X: Any) -> list[str]:
 
 
 def is_state(X: Any, name: object) -> bool:
-    """Whether a name is a state of a column in the data, which it is not itself."""
+    """True if a name is a state of a column in the data, which it is not itself."""
     if not (isinstance(name, str) and isinstance(X, pd.DataFrame)) or name in X.columns:
         return False
     parted = parted_state(name, X.columns)

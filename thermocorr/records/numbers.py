@@ -87,7 +87,7 @@ def refuse_no_table(X: Any) -> None:
 
 
 def is_frame(X: Any) -> bool:
-    """Whether the data have named columns."""
+    """True if the data have named columns."""
     return isinstance(X, pd.DataFrame | Log)
 
 
@@ -112,7 +112,7 @@ def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any
 
 
 def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
-    """Readings as numbers, row by row beside X."""
+    """Readings as numbers, row by row as X."""
     refuse_no_table(X)
     y = as_pandas(y)
     if isinstance(y, pd.DataFrame):
@@ -136,7 +136,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
 
 
 def check_same_rows(given: Any, X: Any, name: str) -> None:
-    """Refuse a Series beside X whose index says that its rows stand in another order, or have other times."""
+    """Refuse a Series for X whose index says that its rows stand in another order, or have other times."""
     if not (isinstance(given, pd.Series) and isinstance(X, pd.DataFrame)) or len(given) != len(X):
         return
     own, others = given.index, X.index

@@ -84,7 +84,7 @@ class ParquetLog(Log):
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """What pandas kept beside the frame."""
+        """Attributes that pandas stored with the frame."""
         attributes = (self._schema.pandas_metadata or {}).get("attributes", {})
         return dict(attributes) if isinstance(attributes, dict) else {}
 
@@ -138,7 +138,7 @@ class ParquetColumn:
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """What pandas kept beside the frame."""
+        """Attributes that pandas stored with the frame."""
         return self.log.attrs
 
     @property

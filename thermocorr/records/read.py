@@ -29,7 +29,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things stand in the user's data. None means: look for it (see `read_record`)."""
+    """Layout of the user's data. None means: look for it (see `read_record`)."""
 
     temperature: object = None
     time: object = None
@@ -273,7 +273,7 @@ def _steps_from(start: int, times: Times, order: NDArray[np.intp] | None) -> NDA
 
 
 def _inside(start: int, steps: NDArray[np.float64], starts_run: set[int]) -> NDArray[np.bool_]:
-    """Which of the steps behind row `start` do not lead to another run, shape (n,), booleans."""
+    """Mask of the steps after row `start` that stay in one run, shape (n,)."""
     inside = np.ones(len(steps), bool)
     inside[[k - 1 - start for k in starts_run if start < k <= start + len(steps)]] = False
     return inside
@@ -358,7 +358,7 @@ def _check_steps(
 
 
 def _is_ahead(times: Times, early: int, row: int, late: int, usual: float) -> bool:
-    """Whether a row's time is far beyond those of its neighbours, which follow on one another."""
+    """True if a row's time is far beyond those of its neighbours, which follow on one another."""
     on, ahead = (times.between(times.stamp(k), times.stamp(early)) for k in (late, row))
     return 0 < on <= GAP_STEPS * usual < ahead
 
@@ -395,7 +395,7 @@ def _refuse_order(
 
 
 def _twice_text(times: Times, order: NDArray[np.intp] | None, row: int, before: int, layout: Layout) -> str:
-    """What is wrong where two rows have the same time, how often it is so, and what to do."""
+    """Message on rows with the same time: how many there are, and what to do."""
     steps = times.steps(slice(0, times.n) if order is None else order)[1:]
     more = int((steps == 0).sum()) - 1 if layout.run is None else 0
     each = 1 < more + 1 == times.n / 2

@@ -1,4 +1,4 @@
-"""Where in a record its readings are."""
+"""The record: times, columns and readings as views of the user's data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROWS_AT_ONCE = 8192
 def where_read(reading: Any, n: int, rows: Callable[[int, int], Any]) -> tuple[int, int]:
     """Positions of the first reading and behind the last one; those of the whole record where these hold half of it.
 
-    A week of readings may stand beside a year of temperature: by the year, all of it would be one moment.
+    A week of readings may come with a year of temperature: by the year, all of it would be one moment.
 
     `reading` (array of shape (n,), or None). `n` (int): Rows. `rows` (callable): The user's rows of a stretch in the
     order of time, from its start and stop.
@@ -110,12 +110,12 @@ class Block:
 
     @cached_property
     def rows(self) -> Rows:
-        """Where the rows stand in the user's record."""
+        """Row numbers in the user's record."""
         return self.record.kept(self.start, self.stop)
 
     @cached_property
     def places(self) -> NDArray[np.intp]:
-        """Where the rows stand in time order, shape (n,)."""
+        """Places of the rows in time order, shape (n,)."""
         return self.record.kept_places(self.start, self.stop)
 
     @property
@@ -128,7 +128,7 @@ class Block:
 
     @property
     def is_whole(self) -> bool:
-        """Whether no row is passed over."""
+        """True if no row is passed over."""
         return len(self) == self.stop - self.start
 
     def first_from(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -176,7 +176,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Record:
-    """What `read_record` makes of the user's data. The arrays are views of the user's, never written to."""
+    """A record as `read_record` makes it. Its arrays are views of the user's, never written to."""
 
     times: Times
     temperature_name: object
@@ -234,7 +234,7 @@ class Record:
             low = cut + 1
 
     def is_skipped(self, k: int) -> bool:
-        """Whether the row that comes k-th in time order is passed over."""
+        """True if the row that comes k-th in time order is passed over."""
         at = int(np.searchsorted(self.skipped, k))
         return at < len(self.skipped) and int(self.skipped[at]) == k
 

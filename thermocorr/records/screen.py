@@ -1,4 +1,4 @@
-"""What is left out of a record: values that are no measurements, missing cells, weights of zero.
+"""Screening of a record: values that are no measurements, missing cells, weights of zero.
 
 A reading that is refused is not learned from. The row of an input that is refused is passed over as if it had not been
 recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known from these
@@ -30,7 +30,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 
 
 def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
-    """How many rows lack a value, and of the first which columns and its time.
+    """Sentence on rows that lack a value, with the columns and time of the first.
 
     `record` (Record). `missing` (array of shape (n,)): The rows, in time order; one at least.
     """
@@ -45,7 +45,7 @@ def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
 
 
 def nothing_known_text(record: Record) -> str:
-    """What is wrong with a record of which no row has all that is needed: the columns that are empty, if any are."""
+    """Message on a record without one complete row: its empty columns, if there are any."""
     n = record.n_rows
     empty = [name for name in record.columns if _is_empty(record, name)]
     where = f"in {listing(empty)}" if empty else f"in every needed column ({listing(record.columns)})"
@@ -77,7 +77,7 @@ class WeightedReading:
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """What is noted of the readings."""
+        """Attributes of the readings."""
         return dict(getattr(self.y, "attrs", {}))
 
 
@@ -118,7 +118,7 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What is refused of one quantity, row by row."""
+    """Screen of one quantity, row by row."""
 
     middle: float = 0.0
     """A usual value."""
@@ -178,7 +178,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Screen:
-    """What is refused of each input and of the reading."""
+    """Screen of each input and of the reading."""
 
     inputs: Mapping[Any, Limits] = field(default_factory=dict)
     """By column, the temperature first."""
@@ -357,7 +357,7 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
 
 
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
-    """What later rows are screened by: codes that were met, or that are far from everything; the spikes."""
+    """Limits for later rows: codes that were met or are far from everything; the spikes."""
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
     far = ALL_CODES[(found.left.low > ALL_CODES) | (found.left.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
@@ -461,7 +461,7 @@ def _note(refused: Refused) -> str:
         )
     if refused.reason == FILLED_IN:
         return (
-            f"{count} of the readings stand on the straight line between those beside them: the rows between rarer "
+            f"{count} of the readings stand on the straight line between their neighbours: the rows between rarer "
             "readings were filled in. They are left out, and the readings at the bends are learned from; screen=False "
             "keeps all."
         )

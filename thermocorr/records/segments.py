@@ -25,7 +25,7 @@ class Segment(NamedTuple):
 
 
 class SegmentStart(NamedTuple):
-    """How a segment of a new record hangs on one of the fitted record."""
+    """Relation of a new segment to one of the fitted record."""
 
     key: int | None
     """Number of the fitted segment that it belongs to; None for a stretch that hangs on none."""
@@ -71,7 +71,7 @@ class Flags:
         return np.array([self.names.index(name) for name in names], np.int8)
 
     def are(self, *flags: str) -> np.ndarray:
-        """Whether each row has one of these flags, shape (n,)."""
+        """True if each row has one of these flags, shape (n,)."""
         found = np.zeros(len(self), bool)
         for flag in flags:
             if flag in self.names:

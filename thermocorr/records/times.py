@@ -78,7 +78,7 @@ def written_by_arrow(frame: pd.DataFrame, file: BinaryIO) -> bool:
 
 
 def _is_whole(values: pd.Series[Any]) -> bool:
-    """Whether all numbers of a column are whole, or missing."""
+    """True if all numbers of a column are whole, or missing."""
     numbers = values.to_numpy()
     with np.errstate(invalid="ignore"):  # infinities
         return all(
@@ -88,7 +88,7 @@ def _is_whole(values: pd.Series[Any]) -> bool:
 
 
 def _needs_quotes(column: Any) -> bool:
-    """Whether a text has a comma, a quote or an end of line."""
+    """True if a text has a comma, a quote or an end of line."""
     from pyarrow import compute
 
     return bool(compute.any(compute.match_substring_regex(column, '[,"\r\n]')).as_py())
@@ -184,7 +184,7 @@ def index_times(index: pd.Index) -> Times | None:
 
 
 def _is_date(label: object) -> bool:
-    """Whether a label of an index is a date, as such or in text; text of digits alone is none."""
+    """True if a label of an index is a date, as such or in text; text of digits alone is none."""
     if not isinstance(label, str | date):
         return False
     text = str(label).strip()
@@ -192,7 +192,7 @@ def _is_date(label: object) -> bool:
 
 
 def no_times_text(index: pd.Index | None) -> str:
-    """What an index without times holds, and what to make of it; "" for numbers of rows, and where there is none."""
+    """Advice on an index without times; "" for numbers of rows, and where there is none."""
     if index is None or not len(index):
         return ""
     if isinstance(index, pd.MultiIndex):
@@ -454,7 +454,7 @@ class Times:
 
 
 def steps_back_an_hour(back: float, usual: float) -> bool:
-    """Whether local times step back because summer time ends: by an hour less the step between rows, or by an hour.
+    """True if local times step back because summer time ends: by an hour less the step between rows, or by an hour.
 
     `back`, `usual` (float): The step back, positive, and the usual step between rows [s].
     """
@@ -467,7 +467,7 @@ def steps_back_an_hour(back: float, usual: float) -> bool:
 
 
 def summer_time_text(row: int, time: object, before: object) -> str:
-    """What is wrong with local times that step back by an hour, and what to do."""
+    """Message on local times that step back by an hour, and what to do."""
     zoned = "times that have it, as by X.index.tz_localize('Europe/Berlin', ambiguous='infer')"
     return (
         f"Time goes backward at row {row}: {time} follows {before}, as local times do when summer time ends. If so, "

@@ -1,4 +1,4 @@
-"""What a column may be used for, by the type that its file or frame gave it: one table for every reader."""
+"""Uses of a column by the type in its file or frame: one table for every reader."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def difference_unit(unit: str) -> str:
 
 
 def units_differ(name: str, unit: str, other_name: str, other_unit: str) -> bool:
-    """Whether two columns' units, where both are written, say that one's numbers are none for the other.
+    """True if two columns' units, where both are written, say that one's numbers are none for the other.
 
     A single letter at the end of a name may be no unit (``"dut_A"``, ``"dut_C"``): it is believed where both would be
     units of the same quantity.
@@ -135,7 +135,7 @@ def _prefixed(text: str) -> str:
 
 
 def _quotient(text: str) -> str:
-    """What is a unit over another, or over a power of one: um/m, kg/m3, 1/K."""
+    """Unit over another, or over a power of one: um/m, kg/m3, 1/K."""
     above, _, below = text.partition("/")
     parts = [_POWER.fullmatch(part) for part in (above, below)]
     known = [part is not None and (part[1] in (*_KNOWN, *_UNDER) or _prefixed(part[1]) != "") for part in parts]
@@ -191,7 +191,7 @@ class OtherUnit(NamedTuple):
 
 
 def other_units(low: float, high: float) -> tuple[OtherUnit, ...]:
-    """What is no temperature for a model that was fitted from `low` to `high`, but would be one in another unit.
+    """Temperatures far outside `low` to `high` that would lie inside in another unit.
 
     Degrees Fahrenheit are not told from degC by their size alone.
 
@@ -209,7 +209,7 @@ def other_units(low: float, high: float) -> tuple[OtherUnit, ...]:
 
 
 def unit_told_by(value: float, units: tuple[OtherUnit, ...]) -> str:
-    """Which other unit a temperature looks like; "" for none."""
+    """Other unit that a temperature looks like; "" for none."""
     return next((one.said for one in units if one.low < value < one.high), "")
 
 

@@ -1,1 +1,1 @@
-"""How time constants are chosen: factors of a dense grid, folds in time, spectra, sets, and their refinement."""
+"""Choice of time constants: factors of a dense grid, folds in time, spectra, sets, and their refinement."""

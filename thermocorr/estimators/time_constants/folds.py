@@ -303,7 +303,7 @@ class CrossValidation:
 
     @cached_property
     def sides(self) -> list[Sides]:
-        """What each fold learns from and tests on."""
+        """Training and test factors of each fold."""
         return self.folds.sides(self.chunks, self.layout.n_free)
 
     def prepared(self, alpha: float) -> list[Fold]:
@@ -345,7 +345,7 @@ def count_sets(n_candidates: int, max_count: int) -> int:
 
 
 def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
-    """Whether losses are above the best ones by no more than one standard error of the difference, or negligibly.
+    """True if losses are above the best ones by no more than one standard error of the difference, or negligibly.
 
     The difference is taken fold by fold (Breiman et al. 1984, section 3.4.3, on paired folds): what all folds share
     says nothing about it.
@@ -356,6 +356,6 @@ def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
 
 
 def fewest(losses: Sequence[np.ndarray]) -> int:
-    """Which of the best sets of growing size to take: the first that is no worse than the one with the least loss."""
+    """Index of the smallest set, of the best of each size, that is no worse than the one with the least loss."""
     best = int(np.argmin([float(loss.mean()) for loss in losses]))
     return next(i for i, loss in enumerate(losses) if i == best or no_worse(loss, losses[best]))

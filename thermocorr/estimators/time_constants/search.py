@@ -81,7 +81,7 @@ EXHAUSTIVE_LIMIT = 20_000
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What to search and how; see `TimeConstantSearch`."""
+    """Settings of a search; see `TimeConstantSearch`."""
 
     candidates: Any = "auto"
     method: str = "spectrum"
@@ -120,11 +120,11 @@ class Factored:
 
     @property
     def layout(self) -> GridLayout:
-        """Which column is what."""
+        """Layout of the columns."""
         return self.columns.layout
 
     def projected(self, reference: GridRidge) -> Projected:
-        """What `project` needs."""
+        """Factors that `project` needs."""
         return Projected(self.whole, self.layout, reference)
 
     def cross_validation(self) -> CrossValidation:
@@ -135,7 +135,7 @@ class Factored:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeConstantChoice:
-    """What the search found and how."""
+    """Result of a search."""
 
     time_constants: np.ndarray
     """Those of the first thermometer [s]."""
@@ -244,7 +244,7 @@ def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, al
 
 
 def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
-    """Leave out slow time constants that explain next to nothing beside the others.
+    """Leave out slow time constants that explain next to nothing given the others.
 
     A slow lag is nearly a straight line, and shares the static law with it: one that is there for nothing costs the
     gain some digits. A thermometer with noise brings such lags in. Where starts of many segments were taken out, no lag

@@ -45,7 +45,7 @@ MIN_ROWS = 120
 
 @dataclass(frozen=True)
 class GridLayout:
-    """Which column of a factor is what."""
+    """Layout of the columns of a factor."""
 
     grid: np.ndarray
     """Time constants of the log grid [s], increasing; with several thermometers those of each, one behind the other."""
@@ -247,7 +247,7 @@ def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack:
 
 
 class _Misfit:
-    """What sets of grid members leave of a reference's reading, over the residual sum of squares.
+    """Misfit of sets of grid members to a reference's reading, relative to the residual sum of squares.
 
     Screened by cross products, confirmed by QR.
     """

@@ -1,4 +1,4 @@
-"""What the numbers of a fitted model are worth: its noise, joint errors, signed readings."""
+"""Uncertainty of a fitted model: its noise, joint errors, signed readings."""
 
 from .joint import Sensor
 from .signed import Budget, Uncertainty

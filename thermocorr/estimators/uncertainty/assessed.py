@@ -98,7 +98,7 @@ def uncertainty_of(
 
 
 def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
-    """What keeps corrected readings from being signed; "" where nothing does."""
+    """Reason why corrected readings cannot be signed; "" where there is none."""
     if diagnosis is not None:
         verdict = _verdict_on(model, diagnosis)
         if not VERDICTS[verdict].calm:
@@ -128,7 +128,7 @@ def too_short(joint: JointErrors) -> str:
 
 
 def _verdict_on(model: Any, diagnosis: Any) -> str:
-    """What a diagnosis says of a model; ValueError for something else, and for one of another model."""
+    """Verdict of a diagnosis on a model; ValueError for other objects and for other models."""
     if not (hasattr(diagnosis, "verdict") and hasattr(diagnosis, "residual_rms")):
         raise ValueError(
             f"The 'diagnosis' parameter must be what diagnose(model, X, y) returns. Got {diagnosis!r:.60} instead."
@@ -153,7 +153,7 @@ class SignedModel(FittedModel):
 
     @property
     def _knows_noise(self) -> bool:
-        """Whether the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
+        """True if the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
         return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def _slim(self, history_rows: int = 100) -> Any:

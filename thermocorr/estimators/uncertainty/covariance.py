@@ -37,7 +37,7 @@ LEAST = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class Within:
-    """What rows say beside their bins' means: cross products of their distances from them."""
+    """Cross products of rows about their bins' means."""
 
     columns: np.ndarray
     """Shape (p, p)."""
@@ -51,7 +51,7 @@ class Within:
 
 @dataclass(frozen=True, kw_only=True)
 class Restricted:
-    """What a record says about its noise and coefficients."""
+    """Restricted likelihood of a record: its noise and coefficients."""
 
     theta: np.ndarray
     """Variances of the parts of the noise of bins, white first, shape (parts,)."""
@@ -302,7 +302,7 @@ class Basis:
     history: History
     """The fitted record's, with the states of these effects at its end."""
     own: bool
-    """Whether these are the model's own effects."""
+    """True if these are the model's own effects."""
     columns: np.ndarray
     """Means of the columns that have an error, 1 first, shape (bins, p)."""
     free: np.ndarray
@@ -327,7 +327,7 @@ class Basis:
     in_fit: np.ndarray
     """Where each of the columns stands in the fit's factors, -1 for those that the model leaves out, shape (p,)."""
     searched: bool
-    """Whether the lags of a whole grid stand for those of the model."""
+    """True if the lags of a whole grid stand for those of the model."""
     slow: np.ndarray
     """Lags of that grid beyond `SPECTRUM_SHARE`, shape (p,): True for those."""
 
@@ -481,7 +481,7 @@ class ScaledBasis:
 
 
 def within_bins(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> Within | None:
-    """What rows say beside their bins, from the factor of all rows; None where nobody knows, or a bin is a row."""
+    """`Within` from the factor of all rows; None where it is not known, or a bin is a row."""
     if basis.rows == 1 or basis.searched or len(basis.free) < basis.width:
         return None
     own = basis.in_fit >= 0  # decays that the model leaves out hardly change within a bin
@@ -563,7 +563,7 @@ def beyond_of(basis: Basis, scaled: ScaledBasis, sums: BandSums, coef: np.ndarra
 
 
 def _acting(basis: Basis, coef: np.ndarray) -> np.ndarray:
-    """What columns make of the temperature that the device acts by, as its linear law has it, shape (p,).
+    """Weights of the columns in the temperature that the device acts by, by its linear law, shape (p,).
 
     Inside it moves no more than outside: where the law says otherwise, as when the sensitivity is next to nothing, the
     measured temperature is taken.
@@ -580,7 +580,7 @@ def _acting(basis: Basis, coef: np.ndarray) -> np.ndarray:
 
 
 def _parts(basis: Basis) -> np.ndarray:
-    """What columns make of the temperatures of the device's parts, one for each of its time constants, shape (k, p)."""
+    """Weights of the columns in the temperatures of the device's parts, one per time constant, shape (k, p)."""
     edges = np.cumsum([0, *(effect.n_columns() for effect in basis.effects)])
     parts = []
     for start, effect in zip(edges, basis.effects, strict=False):

@@ -79,7 +79,7 @@ class Sensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What the level of the readings was set with."""
+    """Reference with which the level of the readings was set."""
 
     uncertainty: float = 0.0
     """Standard uncertainty, in the unit of the reading."""
@@ -233,7 +233,7 @@ class JointErrors:
     effects: list[Effect]
     history: History
     own: bool
-    """Whether these are the model's own effects."""
+    """True if these are the model's own effects."""
     coef: np.ndarray
     """Intercept and coefficients by generalised least squares, shape (1 + p,)."""
     half: np.ndarray

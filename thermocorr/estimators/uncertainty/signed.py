@@ -446,7 +446,7 @@ class Uncertainty:
         return "signed" if list(said) == ["signed"] else next(text for text in said if text != "signed")
 
     def _chosen(self, at: np.ndarray) -> Chosen:
-        """What covariances between some rows need."""
+        """Parts of the covariances between some rows."""
         place = np.full(len(self.corrected), -1)
         place[at] = np.arange(len(at))
         seconds, runs = np.zeros(len(at)), np.zeros(len(at), int)

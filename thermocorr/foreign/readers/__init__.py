@@ -15,7 +15,7 @@ from . import esphome, json_lines, line_protocol, serial_monitor
 
 
 class Reader(NamedTuple):
-    """What reads the logs of one kind of program."""
+    """Reader of the logs of one kind of program."""
 
     recognises: Callable[[Sequence[str]], bool]
     read: Callable[[Sequence[str], str | None], tuple[pd.DataFrame, str]]

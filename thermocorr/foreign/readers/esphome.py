@@ -21,7 +21,7 @@ _STATE = re.compile(
 
 
 def recognises(lines: Sequence[str]) -> bool:
-    """Whether the first lines begin as ESPHome's do."""
+    """True if the first lines begin as ESPHome's do."""
     return all(_HEAD.match(line) for line in lines[:5])
 
 

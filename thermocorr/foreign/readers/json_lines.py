@@ -11,7 +11,7 @@ from ...records import RecordError
 
 
 def recognises(lines: Sequence[str]) -> bool:
-    """Whether the first lines are objects of JSON."""
+    """True if the first lines are objects of JSON."""
     return all(line.lstrip().startswith("{") and line.rstrip().endswith("}") for line in lines[:5])
 
 

@@ -21,7 +21,7 @@ _FIELD = re.compile(r'([^,= ]+)=("[^"]*"|[^,= ]+)')
 
 
 def recognises(lines: Sequence[str]) -> bool:
-    """Whether the first lines are of the protocol, with their times."""
+    """True if the first lines are of the protocol, with their times."""
     return all(_LINE.fullmatch(line.strip()) for line in lines[:5] if not line.startswith("#"))
 
 

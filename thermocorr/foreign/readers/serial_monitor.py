@@ -1,4 +1,4 @@
-"""What a board prints, with names before the values: ``12:34:56.789 -> T: 23.1 weight: 1000.5``.
+"""Output of a board with names before the values: ``12:34:56.789 -> T: 23.1 weight: 1000.5``.
 
 The time and the arrow are those of Arduino's serial monitor; without them the rows have no times.
 """
@@ -22,7 +22,7 @@ _PAIR = re.compile(
 
 
 def recognises(lines: Sequence[str]) -> bool:
-    """Whether nearly all lines hold the same names, each with a number behind it, and nothing else."""
+    """True if nearly all lines hold the same names, each with a number behind it, and nothing else."""
     pairs = [_pairs(line)[1] for line in lines[:100]]
     usual = Counter(tuple(name for name, _ in row) for row in pairs if row).most_common(1)
     stamped = all(_STAMP.fullmatch(line.strip()) for line in lines[:5])

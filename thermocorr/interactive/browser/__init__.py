@@ -1,1 +1,1 @@
-"""What brings the bench before a person: a process that computes, a server on this machine, a notebook's widget."""
+"""Screens of the workbench: a local server and its process, a notebook's widget, a page that computes."""

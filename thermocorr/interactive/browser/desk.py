@@ -1,4 +1,4 @@
-"""What a screen asks, and what it is told: messages of JSON, whatever carries them."""
+"""Messages between a screen and the workbench, as JSON, whatever carries them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GONE = "These curves are no longer there."
 
 
 class Desk:
-    """What a screen asks and is told, whatever carries the messages: a kernel, a browser's worker, or a process.
+    """Answers the messages of a screen, whatever carries them: a kernel, a browser's worker, or a process.
 
     `bench` (Bench, optional): None until a log is opened. `tell` (callable): Sends a message to the screen. `store`
     (Store): Where the curves of a log that is opened later are put; that of the bench by default. `chores` (bool): Find

@@ -27,7 +27,7 @@ QUICK_DEATHS = 3
 
 
 class NotDone(Exception):
-    """What was asked cannot be done; the sentence is for the user."""
+    """An act that cannot be done; the sentence is for the user."""
 
 
 class Changed(NotDone):
@@ -35,7 +35,7 @@ class Changed(NotDone):
 
 
 class Gone(NotDone):
-    """What was asked for is no longer there."""
+    """Something that is no longer there."""
 
 
 class Hub:
@@ -52,7 +52,7 @@ class Hub:
         self.progress = "starting"
         self.pages: set[asyncio.Queue[str]] = set()
         self.seen = False
-        """Whether a page was ever open."""
+        """True if a page was ever open."""
         self.left = time.monotonic()
         """When the last page closed."""
         self._asked: dict[int, asyncio.Future[Any]] = {}

@@ -40,7 +40,7 @@ def page() -> str:
 
 @cache
 def body() -> str:
-    """What stands inside of the workbench's element; a notebook opens no other log."""
+    """Content of the workbench's element; a notebook opens no other log."""
     lines = template("body.html").splitlines(keepends=True)
     return "".join(line for line in lines if not any(f'data-part="{part}"' in line for part in ALONE))
 

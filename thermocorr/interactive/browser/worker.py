@@ -44,7 +44,7 @@ class Interruptible:
                 _thread.interrupt_main()
 
     def run(self, work: Callable[[], None]) -> bool:
-        """Whether the work came to its end."""
+        """True if the work came to its end."""
         with self._lock:
             self._asked = self._raised = False
             self.number += 1
@@ -114,7 +114,7 @@ class ProcessDesk(Desk):
 
 
 def serve(pipe: Connection, folder: str, opening: Opening, not_its_own: Connection | None = None) -> None:
-    """What the process runs.
+    """Run the process.
 
     `pipe` (Connection). `folder` (str). `opening` (Opening). `not_its_own` (Connection, optional): The server's end
     of the pipe, which a forked process must close to see that the server has gone.
