@@ -59,7 +59,13 @@ KINDS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        kind if kind in ("dates", "gaps and runs", "array") else pytest.param(kind, marks=pytest.mark.long)
+        for kind in KINDS
+    ],
+)
 def test_every_kind_of_small_record_is_drawn(kind):
     """Labels stand on the outer axes, and units where they are known; no warning, on the canvas neither."""
     model, X, y = small(kind)

@@ -20,7 +20,7 @@ SEED = 7
 
 
 @pytest.mark.newest
-@pytest.mark.parametrize("number", range(60))
+@pytest.mark.parametrize("number", [*range(20), *(pytest.param(k, marks=pytest.mark.long) for k in range(20, 60))])
 def test_a_stream_says_what_the_whole_record_says(number):
     """Fails? `python benchmarks/live_cases.py --seed 7 --only NUMBER` runs the case alone."""
     assert bench.case(SEED, number, Counter()) == []

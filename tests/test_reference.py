@@ -60,7 +60,7 @@ def fitted():
 
 
 @pytest.mark.newest
-@pytest.mark.parametrize("seed", [5, 6, 7])
+@pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.long) for seed in (6, 7))])
 def test_a_board_that_heats_itself_reads_right_on_later_days(seed):
     log, room = board(seed)
     X, y = log[:LEARNED], log["board"][:LEARNED]

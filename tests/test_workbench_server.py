@@ -234,6 +234,7 @@ def test_everything_can_be_taken_away(bench, kind):
     news.close()
 
 
+@pytest.mark.long
 @POSIX
 def test_a_killed_computation_begins_again_from_the_steps(log, tmp_path):
     with running(log, "--keep", folder=tmp_path) as (process, port, token):
@@ -287,6 +288,7 @@ def alive(pid):
     return True
 
 
+@pytest.mark.long
 def test_it_ends_with_the_last_page_and_stays_through_a_reload(log, tmp_path):
     with running(log, folder=tmp_path) as (process, port, token):
         client = visitor(port, token)
