@@ -47,6 +47,7 @@ def test_the_solution_is_that_of_one_triangle(counts, alpha):
     np.testing.assert_allclose(covariance / np.outer(size, size), known / np.outer(size, size), atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not is_compiled(), reason="the compiled pass needs numba: pip install '.[fast]'")
 @pytest.mark.parametrize("options", [{}, {"alpha": 1e-2}])
 def test_a_fit_of_many_runs_is_that_of_its_stretches(options):

@@ -99,6 +99,7 @@ def test_a_hole_in_the_fitted_record_raises_no_alarm():
     assert verdicts.count("nothing missing") >= 3
 
 
+@pytest.mark.long
 def test_codes_and_spikes_of_every_thermometer(device):
     X, y, _, noise, model = device
     clean = model.correct(X, y)
@@ -132,6 +133,7 @@ def test_another_thermometer_outside_its_range(device):
     }
 
 
+@pytest.mark.long
 def test_live_is_whole_where_all_are_lost_at_once(device):
     X, y, _, _, model = device
     lost = X[LEARNED:][:400].copy()
@@ -215,6 +217,7 @@ def late_humidity(seed, n=9000):
     return X, truth + 0.002 * rng.standard_normal(n), truth
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rule", ["end", ("end", "30 min")])
 def test_a_hole_ends_the_segment(rule, tmp_path):
     """Missing humidity for 10 and 60 minutes: what begins behind it is a start that the fit does not know."""

@@ -60,6 +60,7 @@ def test_a_slim_model_does_for_later_rows_what_the_whole_one_does(effects):
         slim.standard_errors(np.ones((1, len(slim.coef_))))
 
 
+@pytest.mark.long
 def test_a_fleet_of_slim_models(devices):
     fleet = fit_fleet(2, devices, "reading", MODEL, history_rows=100)
     for name, fitted in fleet.items():

@@ -127,6 +127,7 @@ def test_an_exact_reading_misses_nothing(offset, slope):
     assert "nan" not in str(found) and "inf" not in str(found)
 
 
+@pytest.mark.long
 def test_segments_of_two_rows_are_judged():
     record = make_record(3000, effects={"covariate": 2.0}, seed=3)
     X, y = record.drop(columns="reading"), record["reading"]

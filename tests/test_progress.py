@@ -11,7 +11,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, compare_variants, refine
 from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
-from thermocorr.estimators.progress import told
+from thermocorr.estimators.progress import reporting
 from thermocorr.validation import held_out_residuals
 
 
@@ -49,7 +49,7 @@ def test_a_bar_is_drawn_in_a_terminal_and_counts_to_its_end(log, monkeypatch):
     pytest.importorskip("tqdm", reason="bars are drawn by tqdm: pip install '.[progress]'")
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
-    with told(True, 3) as tell:
+    with reporting(True, 3) as tell:
         for k in range(3):
             tell(f"piece {k}")
     drawn = shown.getvalue()

@@ -193,6 +193,7 @@ def test_coarse_readings_of_more_than_one_digit_are_not_repeated(how, noise):
         assert np.isnan(filled_in(COARSE[how](np.round(w, 1), w)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rows", [12_000, 60_000])
 def test_long_clipped_records_hide_nothing(rows):
     """What is left just below the end has its noise cut on one side: knees and disturbances were told of it."""

@@ -139,6 +139,7 @@ def test_clean_records_are_left_alone(clean):
     np.testing.assert_array_equal(model.coef_, plain.coef_)
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_spikes_and_overloads_change_neither_error_nor_verdict(clean):
     for rows, spoil in ((N, "spikes"), (3000, "overloads")):
@@ -302,6 +303,7 @@ def test_a_stream_refuses_what_the_record_refuses(clean, tmp_path, kind, max_gap
 # --------------------------------------------------------------------------------------------------- the command line
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_the_command_says_what_it_left_out(clean, tmp_path, capsys):
     X, y, _ = spoiled(*clean)

@@ -69,7 +69,7 @@ def test_restricted_likelihood_finds_the_noise_of_a_record():
         rng = np.random.default_rng(seed)
         noise = rng.standard_normal(4000) + 2 * markov(rng, 4000, 40)
         columns = np.column_stack((np.ones(4000), np.linspace(-1, 1, 4000))) / 60
-        said = BandSums(columns, noise, np.zeros(4000, int)).settle().said()
+        said = BandSums(columns, noise, np.zeros(4000, int)).settle().estimate()
         found.append((said.theta[0], said.theta[1:].sum()))
     white, wander = np.mean(found, axis=0)
     assert white == pytest.approx(1.0, rel=0.15)
@@ -82,7 +82,7 @@ def test_the_covariance_is_that_of_generalised_least_squares():
     n = 600
     A = np.column_stack((np.ones(n), np.sin(np.arange(n) / 15), np.cumsum(rng.standard_normal(n)) / 20)) / np.sqrt(n)
     record = BandSums(A, rng.standard_normal(n) + 2 * markov(rng, n, 20), np.zeros(n, int))
-    found = record.said()
+    found = record.estimate()
     lags = np.arange(n)[:, None] / record.times
     sigma = toeplitz(np.exp(-lags) @ found.theta[1:]) + found.theta[0] * np.eye(n)
     exact = np.linalg.inv(A.T @ np.linalg.solve(sigma, A))

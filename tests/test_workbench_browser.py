@@ -75,6 +75,7 @@ def person(browser, log):
         browser.get("about:blank")
 
 
+@pytest.mark.long
 def test_humidity_is_added_on_the_built_in_record_in_one_click_and_the_numbers_are_the_library_s(browser):
     with running() as (_, port, token):
         person = Person(browser, port, token)
@@ -125,6 +126,7 @@ def test_a_suspect_under_the_pointer_is_previewed_on_the_residual(person):
     assert person.faults() == []
 
 
+@pytest.mark.long
 def test_a_place_of_failure_leads_the_plot_there(person):
     state = person.settled()
     number, place = next((i, p) for i, p in enumerate(state["judged"]["where"]) if "from_to" in p)
@@ -141,6 +143,7 @@ def test_a_place_of_failure_leads_the_plot_there(person):
     assert person.js("thermocorr.charts.cloud.spec.shades[0]") == place["range"]
 
 
+@pytest.mark.long
 def test_zoom_fetches_every_row_of_what_is_shown(person):
     state = person.settled()
     axis = state["fitted"]["axis"]
@@ -151,6 +154,7 @@ def test_zoom_fetches_every_row_of_what_is_shown(person):
     assert np.allclose(np.diff(x), step, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_a_stretch_is_selected_and_left_out(person):
     from selenium.webdriver import ActionChains
 
@@ -180,6 +184,7 @@ def test_a_stretch_is_selected_and_left_out(person):
     assert person.faults() == []
 
 
+@pytest.mark.long
 def test_two_windows_agree_and_a_reload_shows_the_same(person):
     person.settled()
     driver = person.driver
@@ -236,6 +241,7 @@ UNNAMED = """
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("width", "height", "scheme"), [(1280, 800, "light"), (1920, 1080, "dark"), (390, 844, "light")]
 )
@@ -255,6 +261,7 @@ def test_nothing_is_cut_or_too_small_or_without_a_name(person, width, height, sc
     prefer(person.driver, "light")
 
 
+@pytest.mark.long
 def test_clicking_about_does_no_harm(person):
     person.settled()
     wild(person, random.Random(1), 60)
@@ -314,6 +321,7 @@ IN_VIEW = """
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
 def test_the_plot_stays_in_view_while_a_suspect_is_previewed_and_added(person, size):
     resize(person.driver, *size)
@@ -338,6 +346,7 @@ def test_the_plot_stays_in_view_while_a_suspect_is_previewed_and_added(person, s
     assert person.faults() == []
 
 
+@pytest.mark.long
 def test_roles_that_are_refused_stay_and_the_log_is_drawn_before_there_are_any(browser, tmp_path):
     record = make_record(1000, seed=3).rename(columns={"reading": "alpha"})
     record.to_csv(tmp_path / "log.csv")

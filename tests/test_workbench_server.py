@@ -173,6 +173,7 @@ def test_a_hostile_upload_is_refused_and_the_log_stays(bench):
     news.close()
 
 
+@pytest.mark.long
 def test_names_with_markup_come_through_as_text(bench, log):
     client, _ = bench
     news = News(client)

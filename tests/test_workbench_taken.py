@@ -148,6 +148,7 @@ def test_several_files_are_runs(bench_log, tmp_path):
     np.testing.assert_array_equal(space["model"].coef_, bench.current.model.coef_)
 
 
+@pytest.mark.long
 def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
     path = tmp_path / "fan_of_the_test.py"
     path.write_text(OWN)

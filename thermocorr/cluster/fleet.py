@@ -14,7 +14,7 @@ from sklearn.base import clone
 
 from ..estimators.features import DiffusiveFeatures
 from ..estimators.prior import LawPrior
-from ..estimators.progress import Progress, one_blas_thread, told
+from ..estimators.progress import Progress, one_blas_thread, reporting
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
@@ -110,7 +110,7 @@ def fit_fleet(
     own = [model] * len(parts)
     if shared_time_constants and model._count_to_choose() != 0:
         own = _with_shared_times(workers, parts, names, reading, model)
-    with told(progress, len(names) * (1 + shrinkage)) as tell:
+    with reporting(progress, len(names) * (1 + shrinkage)) as tell:
         heard = tell if progress else None
         fleet = _each(workers, _fit, parts, names, [(reading, one, history_rows) for one in own], heard)
         if shrinkage:

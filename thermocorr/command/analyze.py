@@ -17,7 +17,7 @@ from ..displays.residual_displays import added_noise
 from ..displays.words import aspect_text, each_row, further_text, interval_text
 from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
-from ..estimators.progress import Progress, has_bars, told
+from ..estimators.progress import Progress, has_bars, reporting
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
@@ -230,7 +230,7 @@ def _judge(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RecordWarning)
             if not options.refine:
-                with told(progress) as show:
+                with reporting(progress) as show:
                     show("looking for what is missing")
                     found = diagnose(model, X, y)
                 return Judged(f"{found}\n\n{places(found)}", found)

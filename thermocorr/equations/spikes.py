@@ -429,7 +429,7 @@ LOOK, NEAR_AT_ONCE = 4000, 0.025
 """Rows that are looked at first, for hardly any record is filled in; share of the largest distance that is near."""
 MET = 10
 """Rows with the largest or smallest reading, below which it is no end of a range."""
-BESIDE, NEAR = 10, 3.0
+BESIDE, AT_END = 10, 3.0
 """Rows to either side whose mean tells that a reading is near an end of the range; how near, in noises."""
 
 
@@ -601,5 +601,5 @@ def at_ends(values: Floats, ends: tuple[float, ...], noise: float) -> Booleans:
         counts = np.convolve(known, window, "same")
         mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.maximum(counts, 1)
         for end in ends:
-            found |= known & (np.abs(mean - end) < NEAR * noise)
+            found |= known & (np.abs(mean - end) < AT_END * noise)
     return found

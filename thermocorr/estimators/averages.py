@@ -127,7 +127,7 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
 
 def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
     """Averages that the record knows already, see `with_exact`."""
-    return record.exact.get(said(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
+    return record.exact.get(key_of(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
 
 
 def _summed(column: np.ndarray, share: np.ndarray | None, width: int) -> np.ndarray:
@@ -166,7 +166,7 @@ def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
     return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
 
 
-def said(effect: Effect) -> str:
+def key_of(effect: Effect) -> str:
     """An effect with all its parameters, as text."""
     return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
 
@@ -190,7 +190,7 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stre
         sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
         counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
     sums /= np.maximum(counts, 1)[:, None]
-    exact = {said(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
+    exact = {key_of(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
     return replace(short, exact=exact, exact_rows=width)
 
 

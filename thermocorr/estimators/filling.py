@@ -242,7 +242,7 @@ class Filling:
             np.logical_or.reduce([filled.begins for filled in found.values()]),
         )
 
-    def believed(self, given: Mapping[Any, np.ndarray], stamp_of: Callable[[int], Any]) -> dict[Any, np.ndarray]:
+    def screened(self, given: Mapping[Any, np.ndarray], stamp_of: Callable[[int], Any]) -> dict[Any, np.ndarray]:
         """Columns that are filled or fill others, NaN where a cell is none; `stamp_of` gives a row's time stamp."""
         columns = {name: np.array(given[name], float) for name in self.columns}
         for one in self.stand_ins:
@@ -252,7 +252,7 @@ class Filling:
 
     def in_record(self, record: Record, history: History | None) -> Record:
         """A record whose missing cells are filled, and those that are codes for none, or end the segment."""
-        columns = self.believed(record.columns, record.times.stamp)
+        columns = self.screened(record.columns, record.times.stamp)
         errors = {one.column: np.full(record.n_rows, np.nan) for one in self.stand_ins}
         segments: list[Segment] = []
         for start, stop, run in record.segments:

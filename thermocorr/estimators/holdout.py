@@ -11,7 +11,7 @@ import numpy as np
 from ..records import RecordError
 from ..records.errors import check_int, said_once
 from ..records.record import where_read
-from .progress import Progress, told
+from .progress import Progress, reporting
 from .run_levels import unlearned
 from .screening import believed_readings
 
@@ -64,7 +64,7 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     """
     check_int("held_out_residuals", "n_blocks", n_blocks, 2)
     reading = believed_readings(model, X, y)
-    with told(progress, len(time_blocks(reading, n_blocks))) as tell:
+    with reporting(progress, len(time_blocks(reading, n_blocks))) as tell:
         return residuals_of_blocks(model, X, reading, n_blocks, tell)
 
 

@@ -41,7 +41,7 @@ def printed(verbose: int) -> Callable[[str], None]:
 
 
 @contextmanager
-def told(progress: Progress, total: int | None = None) -> Iterator[Callable[[str], None]]:
+def reporting(progress: Progress, total: int | None = None) -> Iterator[Callable[[str], None]]:
     """A function that takes a line of text before each piece of work, and passes on what is done.
 
     `progress` (callable, bool or None). `total` (int, optional): Pieces of work; without it a bar shows the time that

@@ -22,7 +22,7 @@ from ..records.screen import error_of
 from .advice import Advice, advise
 from .choosing import count_to_choose
 from .holdout import residuals_of_blocks, rms, time_blocks
-from .progress import Progress, told
+from .progress import Progress, reporting
 from .regressor import DynamicBiasRegressor
 from .screening import believed_readings
 
@@ -213,7 +213,7 @@ def compare_variants(
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}
     fitted: dict[str, DynamicBiasRegressor] = {}
-    with told(progress, len(variants) * (1 + len(blocks)) + 1) as tell:
+    with reporting(progress, len(variants) * (1 + len(blocks)) + 1) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
             fitted[name] = variant._as_chosen().fit(X, y)

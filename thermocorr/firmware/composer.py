@@ -69,7 +69,7 @@ class Words:
             return Followed(given.value, lambda: program.change(given), given.said, given.unit)
         p = composer.as_one(p, name, stage)
         if (key := p.moving.key()) not in self._followed:
-            value, alone = composer.said(p.moving).value, p.alone()
+            value, alone = composer.formula(p.moving).value, p.alone()
             unit = "" if alone is None else composer.atoms[alone].unit
             before = program.member(f"{name}_before", f"{value} at the sample before")
             program.store.add(Assign(before, value))
@@ -100,7 +100,7 @@ class Words:
     def _play(self, word: Play, p: Polynomial, stage: int) -> Later:
         """The play operator; its position is counted as the value is."""
         program, composer = self.program, self.composer
-        value = composer.said(composer.as_one(p, "play", stage).moving).value
+        value = composer.formula(composer.as_one(p, "play", stage).moving).value
         play = program.member("play", f"position of the play of width {word.width:.6g}, as {value}")
         half = program.shared("half_width", word.width / 2, "of the play")
         program.stage(stage).begin.add(Assign(play, value))
@@ -133,7 +133,7 @@ class Words:
                 "period, or leave the effect out and fit again."
             )
         given = composer.input_of(p)
-        value = given.value if given else composer.said(composer.as_one(p, name, stage).moving).value
+        value = given.value if given else composer.formula(composer.as_one(p, name, stage).moving).value
         ring = program.member("ring", f"{value}, the last {length} samples", length)
         oldest = program.member("oldest", f"where in {ring.name} the oldest stands", kind="uint32")
         program.stage(stage).begin.loop(length, lambda j: [Assign(ring[j], value)])
@@ -211,7 +211,7 @@ class Composer:
         while products := {monomial: c for monomial, c in left.items() if len(monomial) > 1}:
             atom = most_common(products)
             inside = {without(m, atom): c for m, c in left.items() if atom in m}
-            said = self.said(Polynomial(inside), of_bias=[atom])
+            said = self.formula(Polynomial(inside), of_bias=[atom])
             program.add_to_bias(self.read(atom) * Bracketed(said.value), said.cost(1, 1))
             left = {monomial: c for monomial, c in left.items() if atom not in monomial}
         alone = [monomial[0] for monomial in left]
@@ -235,7 +235,7 @@ class Composer:
         """Highest power of an input in a monomial."""
         return sum(self.atoms[atom].degree for atom in monomial)
 
-    def said(self, p: Polynomial, of_bias: Sequence[int] | None = None) -> Said:
+    def formula(self, p: Polynomial, of_bias: Sequence[int] | None = None) -> Said:
         """A polynomial as a formula, by Horner's rule; `of_bias`: it stands in the bias, times these atoms."""
         terms, parts = dict(p.terms), []
         while moving := {monomial: c for monomial, c in terms.items() if monomial}:
@@ -260,7 +260,7 @@ class Composer:
             return "+" if c > 0 else "-", Said(value, len(monomial))
         if set(inside) == {()}:
             return "+", Said(self._number(inside[()], within) * value, 1)
-        inner = self.said(Polynomial(inside), within)
+        inner = self.formula(Polynomial(inside), within)
         return "+", Said(value * Bracketed(inner.value), inner.products + 1, inner.sums)
 
     def _number(self, value: float, of_bias: Sequence[int] | None) -> Formula:
@@ -322,7 +322,7 @@ class Composer:
         unit = units.pop() if len(units) == 1 else ""
 
         def write() -> Costed:
-            said = self.said(moving)
+            said = self.formula(moving)
             return Costed(said.value, said.cost())
 
         return self.local(("sum", moving.key()), name, stage, write, unit, degree) + p.constant

@@ -297,7 +297,7 @@ class Part:
 
     def _call(self, function: str, p: Polynomial, stage: int) -> Polynomial:
         def write() -> Costed:
-            said = self.composer.said(p)
+            said = self.composer.formula(p)
             return Costed(self.program.call(function, said.value), said.cost() + Operations(calls=1))
 
         return self.composer.local((function, p.key()), self.name, stage, write)
@@ -307,7 +307,7 @@ class Part:
             return a * (1.0 / b.constant)
 
         def write() -> Costed:
-            above, below = self.composer.said(a), self.composer.said(b)
+            above, below = self.composer.formula(a), self.composer.formula(b)
             value: Formula = Bracketed(above.value) / Bracketed(below.value)
             if b.key() == self._step().key():
                 zero = Number(0.0)
@@ -327,12 +327,12 @@ class Part:
             other = self._as_one(other, stage)
 
         def larger() -> Costed:
-            left, right = composer.said(one.moving), composer.said(other)
+            left, right = composer.formula(one.moving), composer.formula(other)
             larger = binary(left.value, sign, right.value)
             return Costed(Choice(larger, left.value, right.value), right.cost())
 
         def beyond_edge() -> Costed:
-            value, zero, apart = composer.said(one.moving).value, Number(0.0), other.constant
+            value, zero, apart = composer.formula(one.moving).value, Number(0.0), other.constant
             if not apart:
                 return Costed(Choice(binary(value, sign, zero), value, zero))
             edge = self.program.shared(f"{self.name}_edge", apart, "less what is usual")
@@ -364,7 +364,7 @@ class Part:
             return self.composer.condition((op, "time", moment), reached)
 
         def compared() -> Formula:
-            return binary(self.composer.said((a - b).moving).value, op, Number((b - a).constant))
+            return binary(self.composer.formula((a - b).moving).value, op, Number((b - a).constant))
 
         return self.composer.condition((op, (a - b).key()), compared)
 
@@ -378,7 +378,7 @@ class Part:
             return truth * (a.constant - b.constant) + b.constant
 
         def write() -> Costed:
-            one, other = self.composer.said(a), self.composer.said(b)
+            one, other = self.composer.formula(a), self.composer.formula(b)
             cost = Operations.of(one.products + other.products, one.sums + other.sums)
             return Costed(Choice(self.composer.condition_of(truth)(), one.value, other.value), cost)
 

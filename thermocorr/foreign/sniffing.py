@@ -126,7 +126,7 @@ class Dialect:
         read = (self.separator, self.decimal, self.header, self.first, self.grouped, self.spare)
         return read == (",", ".", 0, 1, False, 0)
 
-    def said(self) -> list[str]:
+    def oddities(self) -> list[str]:
         """Unusual properties, in words."""
         words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
         if self.headless:

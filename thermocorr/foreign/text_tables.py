@@ -175,7 +175,7 @@ def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], re
         frame.attrs["units"] = dict(found.units)
     line = _first_line(frame, text.count("\n"), found.first)
     form = {"separator": found.separator, "decimal": found.decimal}
-    return _arranged(ForeignTable(frame=frame, said=(*said, *found.said()), first_line=line, form=form), reading)
+    return _arranged(ForeignTable(frame=frame, said=(*said, *found.oddities()), first_line=line, form=form), reading)
 
 
 def _first_line(frame: pd.DataFrame, n_lines: int, before: int) -> int | None:

@@ -36,7 +36,7 @@ from .data import (
     residuals_of,
     suspect_record,
 )
-from .levels import CLEAR, RANKED
+from .levels import HELPFUL, RANKED
 from .report import Diagnosis, FoundSuspect, Interval, as_one, intervals, what_is_left
 from .scan import DATED
 from .search import ANYWHERE, Search, Term, Tried
@@ -112,7 +112,7 @@ def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
     thermal = pool.unmade([effect for kind in kinds for effect in kind.candidates(pool.record)])
     search = Search(pool.beside(np.column_stack((pool.own, *pool.start)), thermal), anywhere=())
     search.run(most=1)
-    return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= CLEAR]
+    return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= HELPFUL]
 
 
 class _Offer:
@@ -141,7 +141,7 @@ class _Offer:
                 best = k
         (self.effect, self.columns), self.worth, self.plain = self.forms[best], worths[best], worths[0]
         self.before = held.later_rms(self.moment)
-        if not self.term.tried.proven and self.worth.both < CLEAR:
+        if not self.term.tried.proven and self.worth.both < HELPFUL:
             return False
         spoilt = self.moment is None and self.worth.blocks < -GAIN
         return self.worth.adds(self.evenly) and not spoilt

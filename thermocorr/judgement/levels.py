@@ -161,10 +161,10 @@ records that were found it is 0.6 to 1.8, but 10 to 35 where a record's own law 
 
 # Later data
 
-CLEAR = 3.0
+HELPFUL = 3.0
 """Fall [dB], on later stretches and on held-out blocks, from which a recorded column that the likelihood does not prove
 is taken in, or the model's own lags are lacking: half of the squared error."""
-NEAR = 0.75
+NEARLY = 0.75
 """Share of the greatest fall on later stretches from which an explanation is nearly as good: the likelihood decides."""
 SPEAKS = -6.0
 """Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""

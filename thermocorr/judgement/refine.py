@@ -17,7 +17,7 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
 from ..equations import reduction_db
-from ..estimators.progress import Progress, told
+from ..estimators.progress import Progress, reporting
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
@@ -136,7 +136,7 @@ def refine(
     current = clone(model)
     if model.temperature is None and hasattr(model, "pipeline_"):  # X may hold more columns than the fitted frame
         current.set_params(temperature=model.features_.history_.record.temperature_name)
-    with told(progress) as say:
+    with reporting(progress) as say:
         say("fitting the model")
         current.fit(X, y)
         say("looking for what is missing")

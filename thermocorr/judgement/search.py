@@ -22,21 +22,21 @@ from sklearn.base import clone
 
 from ..effects import Delay, Periodic
 from ..effects.protocol import Effect
-from ..estimators.averages import averaged_copies, said
+from ..estimators.averages import averaged_copies, key_of
 from ..estimators.copies import moved
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..records import Record
 from .levels import (
     ALIKE,
-    CLEAR,
     DIFFERENT,
     FINE,
     FINER,
     FRUITLESS,
+    HELPFUL,
     INFLATION,
     LEVEL,
     LOOKS,
-    NEAR,
+    NEARLY,
     NO_MORE,
     ROUNDED_OFF,
     SHARES,
@@ -188,11 +188,11 @@ class Family:
             noises.append(judged.only_white())
         for theta in noises if self.anywhere else ():
             rows = filtered(judged, theta)
-            begun.update((said(e.effect), e) for e in dated(pool, judged, theta, rows, self.anywhere))
+            begun.update((key_of(e.effect), e) for e in dated(pool, judged, theta, rows, self.anywhere))
             if Periodic.kind in self.anywhere:
-                unmade.update((said(effect), effect) for effect in waves(pool, judged, theta, rows))
+                unmade.update((key_of(effect), effect) for effect in waves(pool, judged, theta, rows))
             if Delay.kind in self.anywhere and self.shifts.most:
-                unmade.update((said(effect), effect) for effect in delays(pool, self.shifts, judged, theta, rows))
+                unmade.update((key_of(effect), effect) for effect in delays(pool, self.shifts, judged, theta, rows))
         self.add([*begun.values(), *pool.of(list(unmade.values()))])
 
     @cached_property
@@ -367,7 +367,7 @@ class Search:
             which = [i for i in which if tried[i].key[1] not in refused]
             worths = dict(zip(which, held.worth([coarse[i] for i in which]), strict=True))
             best = max(which, key=lambda i: worths[i].both, default=None)
-            if best is None or worths[best].both < CLEAR:
+            if best is None or worths[best].both < HELPFUL:
                 return
             near = [
                 i for i in which if tried[i].key[1] == tried[best].key[1] and worths[i].both > worths[best].both - GAIN
@@ -392,7 +392,7 @@ class Search:
             proven = [t for t in self.last if t.proven]
             worths = self._worth(held, [t.number for t in proven])
             helping = [t for t in proven if worths[t.number].adds()]
-            least = NEAR * max((worths[t.number].later for t in helping), default=0.0)
+            least = NEARLY * max((worths[t.number].later for t in helping), default=0.0)
             best = next((t for t in helping if worths[t.number].later >= least), proven[0] if proven else None)
             if proven and proven[0].explanation.in_model:
                 best = proven[0]  # what the model has already comes first where it is likeliest

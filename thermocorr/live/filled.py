@@ -519,7 +519,7 @@ class LiveFilling:
         self, rows: np.ndarray, stamps: np.ndarray, steps: np.ndarray, values: dict[Any, np.ndarray]
     ) -> np.ndarray:
         given = {name: values[name][rows] for name in self.filling.columns}
-        believed = self.filling.believed(given, lambda k: stamps[rows[k]].item())
+        believed = self.filling.screened(given, lambda k: stamps[rows[k]].item())
         filled = self.filling.fill(believed, steps, self._states)
         self._states = filled.states
         error = np.zeros(len(rows))

@@ -211,7 +211,7 @@ class BandSums:
         size = np.linalg.slogdet(H)[1] - np.sum(np.log(prior)) + self.bands.sizes @ np.log(S)
         return float(-0.5 * (size + self.power @ (1 / S) - b @ inverse(H) @ b))
 
-    def said(self, seed: int = 0) -> Restricted:
+    def estimate(self, seed: int = 0) -> Restricted:
         """The answer, once settled; `seed` is that of the draws which tell how well the noise is known."""
         # Rounds with the average
         for _ in range(3):

@@ -366,7 +366,7 @@ class Way:
     def errors(self) -> JointErrors:
         """Errors under an average of models of the noise."""
         basis, scaled, sums = self.basis, self.scaled, self.sums
-        found = sums.said()
+        found = sums.estimate()
         noise = _noise(basis, scaled, sums, found, self.residual)
         scale = scaled.unit / scaled.norms
         coef, mean = np.zeros(basis.width), np.zeros(basis.width)
