@@ -180,6 +180,7 @@ def test_readings_that_are_masked_are_corrected_and_not_learned_from(log, tmp_pa
     assert (tmp_path / "b" / "corrected.csv").read_text() == (tmp_path / "a" / "corrected.csv").read_text()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["%d.%m.%Y %H:%M:%S", "%d-%b-%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S"])
 def test_a_mask_may_be_written_as_logs_write_dates(form, log, tmp_path):
     """Dotted dates have the day first, as in a log."""
@@ -243,6 +244,7 @@ def test_what_is_learned_from_is_refused_in_one_sentence(log, capsys, options, s
 GERMAN = {"sep": ";", "decimal": ",", "date_format": "%d.%m.%Y %H:%M:%S"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stamped", "written", "options", "first"),
     [

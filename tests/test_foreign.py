@@ -49,7 +49,13 @@ def test_a_file_is_read_with_its_numbers(name, written):
 
 
 @pytest.mark.newest
-@pytest.mark.parametrize("name", [name for name in GOOD if not isinstance(GOOD[name], tuple)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] if number % 3 else [])
+        for number, name in enumerate(name for name in GOOD if not isinstance(GOOD[name], tuple))
+    ],
+)
 def test_both_commands_read_it_alike(name, written, capsys):
     """`correct` gives the rows of `analyze` whatever program wrote the log."""
     path = written(GOOD[name], ENDINGS.get(name, "log.csv"))

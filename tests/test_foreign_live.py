@@ -49,7 +49,9 @@ def analyzed(tmp_path_factory):
     return of
 
 
-@pytest.mark.parametrize("name", FOLLOWED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] if number % 3 else []) for number, name in enumerate(FOLLOWED)]
+)
 def test_a_foreign_log_is_followed_while_it_grows(name, written, tmp_path, capsys):
     """Read whole and line by line, from a saved state on: the same results."""
     content = GOOD[name] if isinstance(GOOD[name], bytes) else GOOD[name].encode()
@@ -158,6 +160,7 @@ def test_correct_says_how_it_has_read_a_log(written, tmp_path, capsys):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("before", "place"), [("", "line 7"), ("Logger 5\nNo. 3, lab\n\n", "line 10")])
 def test_a_damaged_line_is_called_by_its_number_in_the_file(before, place, tmp_path, capsys):
     text = "time;temperature;reading\n" + "".join(

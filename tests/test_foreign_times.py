@@ -183,6 +183,7 @@ def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, 
     assert analysed(written).split("\n", 1)[0] == first.split("\n", 1)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [None, "elapsed"])
 @pytest.mark.parametrize("spans", [False, True])
 def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys):
@@ -217,6 +218,7 @@ def test_times_of_several_files_are_written_as_they_came(tmp_path, capsys):
     assert written.tolist() == 2 * (0.1 + np.arange(800.0)).tolist()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("separator", [";", ","])
 @pytest.mark.parametrize("behind", ["", "Z", " UTC"])
 def test_a_comma_before_the_fraction_of_a_second_is_a_point(separator, behind, tmp_path, capsys):

@@ -167,6 +167,7 @@ def test_a_record_that_was_read_before_stands_for_the_log(fitted):
     )
 
 
+@pytest.mark.long
 @pytest.mark.newest
 def test_the_command_learns_corrects_and_exports(tmp_path, capsys):
     log, _ = board(9)

@@ -240,6 +240,7 @@ def test_figures_about_a_record_leave_them_out(clean):
     assert comparison.advice.after < 20
 
 
+@pytest.mark.long
 def test_it_is_said_once_and_at_the_users_line(clean):
     X, y, _ = spoiled(*clean, temperature=False)
     with warnings.catch_warnings(record=True) as caught:

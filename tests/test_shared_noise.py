@@ -43,6 +43,7 @@ SECOND_HAND = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("how", SECOND_HAND)
 def test_what_is_made_from_the_reading_explains_nothing(how, seed):

@@ -154,6 +154,7 @@ def test_attenuation_is_what_a_fit_without_the_noise_shows(late):
     assert np.mean(said) == pytest.approx(np.mean(shown), abs=max(0.02 * abs(np.mean(shown)), 0.003))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("step", "within"), [(0.5, (25, 30)), (1.0, (25, 30)), (2.0, (15, 25))])
 def test_of_coarse_steps_it_is_a_size_and_twice_that_a_bound(step, within):
     """Of thirty records; the very coarse steps are 2.8 standard deviations of the temperature. 95 % of 30 are 28.5."""

@@ -65,6 +65,7 @@ def test_blocks_shorter_than_the_moving_average_have_no_smoothed_figures():
         assert np.isfinite(found.loc["static linear":, ["held_out_rms", "std_smoothed", "reduction_db"]]).all(axis=None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("window", "said"),
     [
