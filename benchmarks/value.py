@@ -40,6 +40,8 @@ from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
 import interval_coverage
 import live_cases
 import null_records
@@ -50,8 +52,8 @@ import planted_on_real
 import real_diagnosis
 import several_effects
 import slow_logs
-from firmware import KINDS as EXPORTED
-from firmware import errors, fitted, tool
+from firmware_runs import KINDS as EXPORTED
+from firmware_runs import errors, fitted, tool
 from hidden_effects import DEVICES, NOTHING, SETTINGS, UNKNOWN
 from hidden_effects import judge as judge_hidden
 from joblib import Parallel, delayed
