@@ -21,7 +21,7 @@ from ..records.errors import quoted
 from ..records.grammar import LARGEST
 from ..records.labels import parted_state
 from ..records.read import temperature_column
-from ..records.times import REACH, Times
+from ..records.times import EARLIEST, LATEST, Times
 from .codec import (
     LARGEST_INTEGER,
     ModelFileError,
@@ -191,8 +191,9 @@ def _unpack_ticks(
         for step in given:
             total += step
             stamps.append(total)
-        if max(map(abs, stamps)) > REACH // (1_000_000_000 // per_second):
-            raise unexpected(f"{where}.ticks", "times", "times within 146 years of 1970")
+        unit = 1_000_000_000 // per_second
+        if max(stamps) > LATEST // unit or min(stamps) < EARLIEST // unit:
+            raise unexpected(f"{where}.ticks", "times", "times between 1880 and 2170")
         ticks = np.array(stamps, np.int64)
     back = np.flatnonzero(np.diff(ticks) <= 0) + 1
     wrong = np.setdiff1d(back, starts)

@@ -24,7 +24,7 @@ from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
 from ..records.screen import Limits
 from ..records.segments import Flags
-from ..records.times import BEYOND, REACH, Times, date_of_text, span_of
+from ..records.times import BEYOND, EARLIEST, LATEST, Times, date_of_text, span_of
 
 
 class Tracker:
@@ -165,7 +165,7 @@ class Clock:
             raise self._beyond(time) from None
 
     def _within_range(self, stamp: int, time: Any) -> int:
-        if abs(stamp) > REACH:
+        if not EARLIEST <= stamp <= LATEST:
             raise self._beyond(time)
         return stamp
 

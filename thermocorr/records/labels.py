@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, quoted
 from .grammar import is_missing
-from .times import BEYOND, REACH, UNITS
+from .times import BEYOND, EARLIEST, LATEST, UNITS
 from .types import kind_of
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
@@ -65,8 +65,8 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
 def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> None:
     """Refuse labels that are dates and spans which no clock of nanoseconds reaches: no file could keep them."""
     if isinstance(names, pd.DatetimeIndex | pd.TimedeltaIndex):
-        limit = REACH // (_NS // UNITS[names.unit])
-        far = np.flatnonzero(np.abs(names.asi8) > limit)
+        unit = _NS // UNITS[names.unit]
+        far = np.flatnonzero((names.asi8 > LATEST // unit) | (names.asi8 < EARLIEST // unit))
         if len(far):
             seconds = int(names.asi8[far[0]]) // UNITS[names.unit]
             shown = np.datetime64(seconds, "s") if isinstance(names, pd.DatetimeIndex) else f"a span of {seconds} s"
@@ -88,7 +88,7 @@ def out_of_reach(label: Any) -> bool:
             return False
     except (ArithmeticError, ValueError):
         return True
-    return abs(value) > REACH
+    return not EARLIEST <= value <= LATEST
 
 
 FEWEST_ROWS = 20

@@ -299,9 +299,9 @@ Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
 _NS = 1_000_000_000
-REACH = 1 << 62
-"""Nanoseconds from 1970 within which all dates and spans lie: no difference of two of them wraps."""
-BEYOND = "Times may lie 146 years from 1970 at most (1824 to 2116). Is the date damaged?"
+EARLIEST, LATEST = -2_840_140_800 * _NS, 6_311_433_600 * _NS
+"""Nanoseconds from 1970 between which all dates and spans lie, 1880 and 2170: no difference of two of them wraps."""
+BEYOND = "Times may lie between 1880 and 2170, and spans last 200 years. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
 _CHUNK = 1 << 16
@@ -528,10 +528,11 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
 def within_range(
     ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, ends: NDArray[Any] | None = None
 ) -> NDArray[Any]:
-    """The ticks; RecordError where one of them is out of `REACH`. `ends`: those with the least and the greatest."""
-    ends, limit = ticks if ends is None else ends, REACH // (_NS // per_second)
-    if len(ends) and (ends.max() > limit or ends.min() < -limit):
-        row = int(np.argmax((ticks > limit) | (ticks < -limit)))
+    """The ticks; RecordError for one that is too early or late. `ends`: those with the least and the greatest."""
+    ends = ticks if ends is None else ends
+    low, high = (limit // (_NS // per_second) for limit in (EARLIEST, LATEST))
+    if len(ends) and (ends.max() > high or ends.min() < low):
+        row = int(np.argmax((ticks > high) | (ticks < low)))
         date = np.datetime64(int(ticks[row]) // per_second, "s")
         raise RecordError(f"{where} is {date} in row {first_row + row}. {BEYOND}")
     return ticks
