@@ -134,7 +134,7 @@ def test_a_named_pipe_is_no_model_and_no_state(correct, tmp_path):
         True,
         datetime.datetime(2024, 3, 4, 5),
         datetime.timedelta(hours=1),
-        pd.Timestamp("1850-06-01T12:00", tz="Europe/Paris"),
+        pd.Timestamp("1885-06-01T12:00", tz="Europe/Paris"),
     ],
 )
 def test_any_label_of_a_run_lives_in_a_model_file_and_in_a_state(label, tmp_path):
