@@ -62,7 +62,7 @@ def test_a_log_in_kelvin_is_refused(bench, tmp_path, capsys, way):
     more = ("--follow", "--idle", "0.1") if way == "followed" else ()
     assert correct(bench, path, *more, "--out", tmp_path / "out.csv") == 2
     assert "looks like kelvin where degC was fitted. Convert 'temperature' first." in capsys.readouterr().err
-    if way == "followed":  # a single row may be a damaged one; no number comes of it
+    if way == "followed":  # the first rows may be written before enough of them tell the unit; no number comes of them
         out = pd.read_csv(tmp_path / "out.csv")
         assert set(out["flag"]) <= {"other unit"} and out["corrected"].isna().all()
     else:

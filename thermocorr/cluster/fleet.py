@@ -69,7 +69,7 @@ def fit_fleet(
         Fit each device once more, with what all of them tell as its prior (`LawPrior`): devices whose records
         determine their law badly are drawn to the others. They need the same time constants.
     history_rows : int, optional
-        Keep so many rows of each device's record at most, see `DynamicBiasRegressor._slim`.
+        Rows of each device's record to keep, at most: small to send and to store.
     progress : callable or True, optional
         Called with a line of text for each device that is waited for; True draws a bar (extra "progress").
 

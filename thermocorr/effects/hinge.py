@@ -23,7 +23,7 @@ class Hinge(Effect):
 
     The column is that less its value at the reference temperature T0, so that U0 stays the reading at T0.
 
-    Given a model that holds T, one side says as much as the other, since they add up to T - knee; beside one that
+    Given a model that holds T, one side says as much as the other, since they add up to T - knee; given one that
     holds the lags of T the same is true of the lagged sides.
 
     Parameters

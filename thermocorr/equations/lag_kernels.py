@@ -51,7 +51,7 @@ def factors_of_steps(steps, per_step, longest, n, rate, first_order, power, deca
     else:
         tau, bits = 1.0 / rate, power.view(np.int64)
         for k in range(n):
-            # Step over time constant up to which the decay is known, and from which it stays what it is there, 1e-304
+            # Largest step over time constant; beyond it the decay stays at 1e-304
             r = min(steps[k] * rate, 700.0)
             m = np.floor(r * _PER_LN2 + 0.5)
             f = m * _LN2 - r

@@ -174,7 +174,7 @@ def whittle(share: np.ndarray, power: np.ndarray, S: np.ndarray) -> np.ndarray:
 def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> np.ndarray:
     """Number of the span of each row: noise goes on over short pauses, though heat may have to start anew.
 
-    A pause is short against what lies before or after it, or beside the whole; between runs none is.
+    A pause is short against what lies before or after it, or against the whole; between runs none is.
 
     `segment`, `seconds` (arrays of shape (n,)): Number of the segment and time [s] of each row, in the order of time
     within segments. `runs` (sequence): Label of the run of each segment, in the order of `segment`.
@@ -300,7 +300,7 @@ def _is_line(column: Floats, reading: Floats) -> bool:
     left = 1 - np.corrcoef(reading, column)[0, 1] ** 2
     if left < OF_NOISE and left * np.var(reading) < OF_NOISE * _white(reading):  # counts, a rounded copy
         return True
-    # Share of a column beside a line of the reading below which it may be the reading: its small steps tell whether
+    # Share of a column not explained by the reading below which it may be a copy of it: its small steps decide
     if left > 1e-9:
         return False
     steps, own = np.diff(reading), np.diff(column)  # a setpoint has nothing of the reading's noise

@@ -321,7 +321,7 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
     repeated = np.zeros(len(values), bool)
     repeated[1:] = values[1:] == values[:-1]
     repeated[:-1] |= repeated[1:]
-    # Distance [ranges] of a number that is none of these codes, from which it is one if it repeats itself exactly
+    # Distance [ranges] from which any number that repeats itself exactly is a code
     beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, 1000.0))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False])).astype(int)))
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -368,7 +368,7 @@ def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual
     heights[complete] = height = away.min(axis=1)
     high = height > max(usual.reach, SPIKE * usual.noise)  # else the noise nearby need not be looked at
     noise = np.maximum(usual.noise, _noise_beside(values, first[high], length))
-    # Difference between the readings after and before a spike, over its height, up to which it has returned
+    # A spike has returned if the readings after and before it differ by less than this share of its height
     agree = np.abs(after - before)[high] <= np.maximum(3 * noise, 0.2 * height[high])
     returned[complete[high]] = agree & (height[high] > SPIKE * noise)
     return returned, heights
@@ -524,7 +524,7 @@ def _near_lines(values: Floats, off: Floats) -> float:
     # Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than
     # bends where at most nineteen rows in twenty are filled in
     far, digit = max(float(np.quantile(off, 1 - 0.05)), float(np.median(away))), 2 * float(away.min())
-    # A digit over that distance, up to which lines may be rounded to it
+    # Largest digit, relative to that distance, to which lines may be rounded
     return 2 * digit if 2 * digit <= 0.1 * far else exact
 
 

@@ -57,7 +57,7 @@ def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings:
 def products_help(
     plain: DiffusiveFeatures, X: Any, y: Any, found: TimeConstantChoice, settings: SearchSettings
 ) -> bool:
-    """True if the lags that were found fit and predict clearly better beside products, every later block of them."""
+    """True if the lags that were found fit and predict clearly better with products, in every later block."""
     assert found.factored is not None
     whole, taus = found.factored.record, [found.time_constants, *found.further.values()]
     if not any(map(len, taus)):
@@ -79,7 +79,7 @@ def products_help(
     without = [*range(1, layout.n_free - products), *lags]
     beside = [*range(1, layout.n_free), *lags]
     now, before = _later_errors(factored, (beside, without), alpha)
-    # Errors over the spread of the readings, up to which they are rounding: an exact record has nothing left to tell
+    # Largest error, relative to the spread of the readings, that counts as rounding
     if len(now) < 2 or not before.min() > 1e-9 * reading.std:
         return False
     # Errors on each later block, likewise. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds

@@ -215,7 +215,7 @@ def _is_decay(effect: Effect) -> bool:
 def can_be_fused(record: Record, effects: Sequence[Effect], starts: InitialTransient | None) -> bool:
     """True if there is compiled code, and it has something to do: many rows, lags of one rule between samples."""
     shared = sum(effect.n_columns() for effect in effects if not _is_decay(effect))
-    # Columns of all segments up to which one pass is the faster way: beyond them the blocks of LAPACK are
+    # Most columns of all segments for one pass: with more, the blocks of LAPACK are faster
     if not is_compiled() or record.n_used < FEWEST or shared > 32:
         return False
     lags: list[Any] = [effect for effect in effects if _is_lag(effect)]

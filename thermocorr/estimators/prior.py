@@ -224,7 +224,7 @@ def known_before(model: Any, features: DiffusiveFeatures) -> LawPrior | None:
             f"The fleet's laws are about {prior.reference_temperature:.6g}, and this model has "
             f"reference_temperature={model.reference_temperature!r}. Leave it at 'mean', or fit the fleet with it."
         )
-    # Share of the record up to which decays are fitted: their sizes are known before
+    # Share of the record over which decays are fitted: their sizes are known before
     features.decay_share = 1e6
     return prior
 
@@ -237,7 +237,7 @@ def check_like(prior: LawPrior, mean_temperature: float, residual: float) -> str
             f"The temperature is about {mean_temperature:.4g} here and was about {prior.reference_temperature:.4g} in "
             "the fleet: that looks like another unit. Convert it first."
         )
-    # Residuals that are so many times the fleet's are none of a like device, or in another unit
+    # Residuals this many times the fleet's are of another kind of device, or in another unit
     if residual <= 10.0 * prior.noise:
         return ""
     return (

@@ -338,7 +338,7 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
     (n_rows,)): Readings before the correction. `expected` (tuple of float): Levels that corrected readings may have
     for a reason of their own.
     """
-    # A corrected reading so many standard deviations from the mean of the fitted readings is no surprise
+    # Standard deviations from the mean of the fitted readings within which a corrected reading is usual
     usual = 10.0 * fitted.std
     levels = (fitted.mean - usual, fitted.mean + usual, *expected)
     ends = np.fmin.reduce(corrected, initial=np.inf), np.fmax.reduce(corrected, initial=-np.inf)

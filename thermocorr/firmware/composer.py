@@ -328,7 +328,7 @@ class Composer:
         return self.local(("sum", moving.key()), name, stage, write, unit, degree) + p.constant
 
     def input_of(self, p: Polynomial) -> Input | None:
-        """The input that a polynomial is, apart from a constant; None where it is none."""
+        """Input that a polynomial equals, apart from a constant; None where there is none."""
         alone = p.alone()
         return None if alone is None else self.inputs.get(alone)
 

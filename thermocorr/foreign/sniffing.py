@@ -106,7 +106,7 @@ class Dialect:
     first: int = 1
     """The first line with a row."""
     comments: bool = False
-    """True if lines that begin with # are none of the table."""
+    """True if lines that begin with # do not belong to the table."""
     headless: bool = False
     """True if there is no line of names: the user gave them, or they are numbers from 1 on."""
     spare: int = 0

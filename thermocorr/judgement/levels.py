@@ -51,7 +51,7 @@ a second, neighbouring delay is named beside the true one in two of seven simula
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
-"""Lags of the thermal part that suspects are judged given, evenly in the logarithm, and the model's own beside them. A
+"""Lags of the thermal part that suspects are judged given, evenly in the logarithm, with the model's own. A
 poorer part makes other effects look guilty."""
 FASTEST = 0.25
 """Fastest lag of the base, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""

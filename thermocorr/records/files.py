@@ -65,7 +65,7 @@ def fields_of(line: bytes) -> list[str]:
 
 
 def is_comment(line: str, n_fields: int, n_columns: int) -> bool:
-    """True if a line of a log is none of its rows: it begins with #, and has another number of fields."""
+    """True if a line of a log is a comment: it begins with #, and has another number of fields."""
     return line.lstrip().startswith("#") and n_fields != n_columns
 
 

@@ -184,7 +184,7 @@ def index_times(index: pd.Index) -> Times | None:
 
 
 def _is_date(label: object) -> bool:
-    """True if a label of an index is a date, as such or in text; text of digits alone is none."""
+    """True if a label of an index is a date, as such or in text; text of digits alone is not."""
     if not isinstance(label, str | date):
         return False
     text = str(label).strip()
@@ -301,7 +301,7 @@ Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "r
 _NS = 1_000_000_000
 EARLIEST, LATEST = -2_840_140_800 * _NS, 6_311_433_600 * _NS
 """Nanoseconds from 1970 between which all dates and spans lie, 1880 and 2170: no difference of two of them wraps."""
-BEYOND = "Times may lie between 1880 and 2170, and spans last 200 years. Is the date damaged?"
+BEYOND = "Times may lie between 1880 and 2170, and spans may last 200 years. Is the date damaged?"
 UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": _NS}
 """Ticks in a second, by the unit that pandas counts in."""
 _CHUNK = 1 << 16

@@ -573,7 +573,7 @@ def _acting(basis: Basis, coef: np.ndarray) -> np.ndarray:
     weights = np.where(lags, coef[1:] / slope, 0.0) if abs(slope) > 0 else np.zeros(len(lags))
     weights[0] = 1.0
     felt = basis.columns[:, 1:] @ weights[basis.free[1:] - 1]
-    # Standard deviation of the temperature inside a device, over that outside, above which it is none
+    # Largest standard deviation of a temperature inside a device, relative to that outside
     if not np.std(felt) <= 1.1 * np.std(basis.columns[:, 1]):
         weights[1:] = 0.0
     return weights

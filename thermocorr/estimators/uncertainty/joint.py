@@ -204,7 +204,7 @@ def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
         return 1 / n
     with np.errstate(under="ignore"):
         kept = np.exp(-steps / correlation_time)
-    # Spread of steps, as a share of one, up to which they are equal
+    # Largest spread of steps, as a share of one, that counts as equal
     # Correlation of neighbours, less than one by this, at which the series' sum would lose its digits
     if np.ptp(steps) <= 1e-9 * steps[0] and kept[0] < 1 - 1e-5:  # a geometric series
         k = float(kept[0])
