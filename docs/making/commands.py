@@ -19,7 +19,8 @@ def write_page(path: Path) -> None:
     os.environ["COLUMNS"] = WIDTH
     try:
         parts = [
-            f"## thermocorr {name}\n\n{purpose.capitalize()}.\n\n{fenced(name)}" for name, purpose in COMMANDS.items()
+            f"## thermocorr {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{fenced(name)}"
+            for name, purpose in COMMANDS.items()
         ]
     finally:
         if before is None:
