@@ -221,7 +221,7 @@ def test_rows_that_are_passed_over_are_so_in_a_loaded_model(tmp_path):
 def test_rows_at_the_ends_of_runs_are_in_no_segment_and_not_passed_over():
     X = make_record(600, seed=1)[["temperature"]].assign(run=np.arange(600) // 300)
     X.iloc[[0, 1, 100, 298, 299, 300, 599], 0] = 9.9e37
-    record = DiffusiveFeatures(["10 min"], temperature="temperature", run="run").learn(X, quiet=True)
+    record = DiffusiveFeatures(["10 min"], temperature="temperature", run="run").read(X, quiet=True)
     assert [segment[:2] for segment in record.segments] == [(2, 298), (301, 599)]
     assert record.skipped.tolist() == [100] and record.n_used == 593
 

@@ -15,8 +15,15 @@ from sklearn.base import clone
 from ..estimators.features import DiffusiveFeatures
 from ..estimators.prior import LawPrior
 from ..estimators.progress import Progress, one_blas_thread, reporting
+from ..estimators.reading import Reading
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.time_constants.search import SearchSettings, factors_of, final_alpha, learned, reference_spectrum
+from ..estimators.time_constants.search import (
+    SearchSettings,
+    factors_of,
+    final_alpha,
+    learn_checked,
+    reference_spectrum,
+)
 from ..estimators.time_constants.spectrum import POOL_SIZE, Projected, log_grid, project
 from ..records import ParquetLog, RecordError
 from ..records.errors import listing, quoted
@@ -195,7 +202,7 @@ def _fit(
 def _span(part: Part, name: Any, reading: str, model: DynamicBiasRegressor) -> tuple[float, float]:
     """Usual step and length of a device's record [s]."""
     with _Named(name):
-        record = _plain(model).learn(part, _reading(part, reading))
+        record = _plain(model).read(part, _reading(part, reading))
         return record.usual_step(), record.longest_read()
 
 
@@ -207,9 +214,11 @@ def _spectrum(
         settings = SearchSettings(candidates=grid)
         own = clone(model)
         y = _reading(part, reading)
-        own._learn_levels(part, y)
-        features = _plain(own)
-        factored = factors_of(features, *learned(features, part, y), grid, settings)
+        record = _plain(own).read(part, y)
+        own._learn_levels(record)
+        features, kept = _plain(own), Reading.of(part, y, record)
+        learn_checked(features, record, kept)
+        factored = factors_of(features, record, kept, grid, settings)
         reference = reference_spectrum(factored)
         return factored.projected(reference), final_alpha(factored, reference)
 

@@ -9,22 +9,22 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.base import clone
 
 from ..effects.products import CoarseProducts
 from ..effects.wrap import as_effects
 from ..equations import TriangularFactor, solve_ridge
-from ..records import Log, Record, RecordError, RecordWarning
-from ..records.history import ThinnedLog, thinned
+from ..records import Record, RecordError, RecordWarning
+from ..records.history import thinned
 from .features import DiffusiveFeatures
+from .reading import Reading
 from .thermometers import Thermometers
 from .time_constants.search import (
     Factored,
     SearchSettings,
     TimeConstantChoice,
     factors_of,
-    learned,
+    learn_checked,
     search,
     spectrum_table,
 )
@@ -43,31 +43,33 @@ def beside_products(plain: DiffusiveFeatures) -> DiffusiveFeatures:
     return beside.set_params(effects=[*as_effects(beside.effects), ("products", CoarseProducts())])
 
 
-def with_products_or_without(plain: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
+def with_products_or_without(
+    plain: DiffusiveFeatures, record: Record, reading: Reading, settings: SearchSettings
+) -> TimeConstantChoice:
     """The choice of time constants for a model of lags, or, where it is clearly better, for one with their products.
 
-    `plain` (DiffusiveFeatures): The model without lags and products. `X`, `y`, `settings` (see `search`).
+    `plain` (DiffusiveFeatures): The model without lags and products. `record`, `reading`, `settings` (see `search`).
     """
-    found = search(plain, X, y, settings)
-    if not products_help(plain, X, y, found, settings):
+    found = search(plain, record, reading, settings)
+    if not products_help(plain, record, reading, found, settings):
         return found
-    return replace(search(beside_products(plain), X, y, settings), products=True)
+    return replace(search(beside_products(plain), record, reading, settings), products=True)
 
 
 def products_help(
-    plain: DiffusiveFeatures, X: Any, y: Any, found: TimeConstantChoice, settings: SearchSettings
+    plain: DiffusiveFeatures, record: Record, reading: Reading, found: TimeConstantChoice, settings: SearchSettings
 ) -> bool:
     """True if the lags that were found fit and predict clearly better with products, in every later block."""
     assert found.factored is not None
-    whole, taus = found.factored.record, [found.time_constants, *found.further.values()]
+    taus = [found.time_constants, *found.further.values()]
     if not any(map(len, taus)):
         return False
     features = beside_products(plain)
-    if whole.n_used > MOST_ROWS and whole.weight is None and not hasattr(whole, "sweep_effects"):
-        X, y = _in_fewer_rows(whole, X)
-        features.set_params(screen=False, fill=None)  # it was screened, and filled
+    if record.n_used > MOST_ROWS and record.weight is None and not hasattr(record, "sweep_effects"):
+        record, _ = thinned(record, {}, MOST_ROWS)
+        reading = Reading.of(None, None, record)
     try:
-        record, reading = learned(features, X, y)
+        learn_checked(features, record, reading)
     except RecordError:  # too short for so many columns
         return False
     # Blocks of time that follow on a first one: those of the later half are predicted, from everything before them.
@@ -114,12 +116,6 @@ def _error(learned: TriangularFactor, tested: TriangularFactor, columns: Sequenc
     return float(np.linalg.norm(missed) / np.sqrt(tested.n_rows))
 
 
-def _in_fewer_rows(record: Record, X: Any) -> tuple[ThinnedLog, pd.Series]:
-    """Averages over short stretches of a record, and of its readings."""
-    short, _ = thinned(record, {}, MOST_ROWS)
-    return ThinnedLog(short, dict(getattr(X, "attrs", {}))), pd.Series(np.asarray(short.reading))
-
-
 def count_to_choose(given: Any) -> int | None:
     """Number of time constants to choose: None where it is open, 0 where they are given.
 
@@ -135,7 +131,9 @@ def count_to_choose(given: Any) -> int | None:
     return int(given) if isinstance(given, Integral) else 0
 
 
-def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text: None) -> TimeConstantChoice | None:
+def choose(
+    model: Any, record: Record, reading: Reading, say: Callable[[str], None] = lambda text: None
+) -> TimeConstantChoice | None:
     """Choose the time constants of an unfitted model from a record; None where they are given."""
     count = count_to_choose(model.time_constants)
     if count == 0 or model.prior is not None:
@@ -146,10 +144,11 @@ def choose(model: Any, X: Any, y: Any, say: Callable[[str], None] = lambda text:
     settings = SearchSettings(count=together, say=say)
     plain = model._unfitted_features(()).set_params(products=False)
     if model.products == "auto" and model.degree > 1:  # a linear law was not asked for
-        found = with_products_or_without(plain, X, y, settings)
+        found = with_products_or_without(plain, record, reading, settings)
     else:
         products = False if model.products == "auto" else model.products
-        found = replace(search(beside_products(plain) if products else plain, X, y, settings), products=products)
+        features = beside_products(plain) if products else plain
+        found = replace(search(features, record, reading, settings), products=products)
     spectrum = None
     if found.factored is not None and found.reference is not None:
         table = spectrum_table(found.factored, found.reference)
@@ -164,19 +163,11 @@ def chosen_products(model: Any) -> bool | int:
     return products
 
 
-def choose_again(
-    model: Any, X: Any, record: Record, believed: Record, say: Callable[[str], None]
-) -> TimeConstantChoice | None:
-    """Choose once more, from the readings that neither filled cells nor gaps spoil: the first choice had to use all.
-
-    The first choice where none are spoilt, where readings have weights, and for a log that is read in pieces.
-    """
-    first: TimeConstantChoice | None = model.search_
-    if first is None or believed is record or isinstance(X, Log) or record.weight is not None:
-        return first
+def choose_again(model: Any, believed: Record, say: Callable[[str], None]) -> TimeConstantChoice | None:
+    """Choose once more, from the readings that neither filled cells nor gaps spoil: the first choice had to use all."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
-        return choose(model, X, np.asarray(believed.reading, float), say)
+        return choose(model, believed, Reading.of(None, None, believed), say)
 
 
 def penalty(model: Any) -> float:

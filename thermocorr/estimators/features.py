@@ -195,12 +195,17 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
 
     # What the estimators above use: the same steps, without materialising the matrix.
 
-    def learn(self, X: Any, y: Any = None, quiet: bool = False) -> Record:
-        """Check parameters and record, let every effect learn its constants; returns the validated record."""
+    def learn(self, X: Any, y: Any = None) -> Record:
+        """Read data, and let every effect learn its constants; returns the record."""
+        record = self.read(X, y)
+        self.learn_from(record)
+        return record
+
+    def read(self, X: Any, y: Any = None, quiet: bool = False) -> Record:
+        """Check parameters and data; returns the record, screened and filled."""
         self._validate_params()
         X = self._check_columns(X, reset=True)
-        further = self.further_effects()
-        needed = needed_columns([effect for _, effect in further])
+        needed = needed_columns([effect for _, effect in self.further_effects()])
         filling = bool(self.thermometers().further or self.fill)
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
         check_max_gap(record, self.layout())
@@ -214,7 +219,20 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             record = self._filled(X, y, record, needed, record.notes[n_read:])
         for note in () if quiet else record.notes[0 if filling else n_read :]:
             warn(note)
-        self.effects_ = [*self._thermal_part(), *((name, _copy(effect)) for name, effect in further)]
+        return record
+
+    def taking(self, read: DiffusiveFeatures) -> DiffusiveFeatures:
+        """These features, with what `read` found of the same data for others."""
+        for name in ("n_features_in_", "feature_names_in_", "screen_", "filling_"):
+            if hasattr(read, name):
+                setattr(self, name, getattr(read, name))
+        return self
+
+    def learn_from(self, record: Record) -> None:
+        """Let every effect learn its constants from a record that was read."""
+        self.effects_ = [
+            *self._thermal_part(), *((name, _copy(effect)) for name, effect in self.further_effects()),
+        ]  # fmt: skip
         for _, effect in self.effects_:
             if self.reference is not None and "removed_by_correct" in effect.get_params(deep=False):  # nothing is kept
                 effect.removed_by_correct = True
@@ -225,7 +243,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             effect.refer_to(self.reference_temperature_)
         lags = next((e for _, e in self.effects_ if isinstance(e, ThermalLag)), None)
         self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
-        return record
 
     def _filled(self, X: Any, y: Any, record: Record, needed: list[Any], screen_notes: tuple[str, ...]) -> Record:
         """The record with missing cells filled as its known rows tell; the readings beside them are left out."""

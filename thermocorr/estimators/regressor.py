@@ -15,7 +15,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
-from ..records import Block, Record
+from ..records import Block, Log, Record
 from ..records.errors import warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
@@ -202,19 +202,22 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         say = printed(self.verbose)
         with one_blas_thread():
             say("reading the record")
-            self._learn_levels(X, y)
-            self._degree = self.degree
-            self.search_ = choose(self, X, y, say)
-            record, believed, prior = self._learn(X, y, say)
+            self._degree, self.search_ = self.degree, None
+            read = self._unfitted_features((), RunLevels())
+            record = read.read(X, y)
+            reading = Reading.of(X, y, record)
+            self._learn_levels(record)
+            self.search_ = choose(self, record, reading, say)
+            believed, prior = self._learn(read, record, reading, say)
             covered = Coverage.of(record, self.degree if prior is None else 0)
             if prior is None and covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
-                self.search_ = choose(self, X, y, say)
-                record, believed, prior = self._learn(X, y, say)
-            again = choose_again(self, X, record, believed, say)
-            if again is not self.search_:
-                self.search_ = again
-                record, believed, prior = self._learn(X, y, say)
+                self.search_ = choose(self, record, reading, say)
+                believed, prior = self._learn(read, record, reading, say)
+            spoilt = believed is not record and record.weight is None and not isinstance(X, Log)
+            if spoilt and self.search_ is not None:
+                self.search_ = choose_again(self, believed, say)
+                believed, prior = self._learn(read, record, reading, say)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed, prior)
         # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
@@ -227,12 +230,14 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
-    def _learn(self, X: Any, y: Any, say: Callable[[str], None]) -> tuple[Record, Record, LawPrior | None]:
-        """Learn the coefficients; returns the record, the same without spoilt readings, and what was known before."""
-        features = self._unfitted_features(self.time_constants if not self.search_ else self.search_.parameter)
+    def _learn(
+        self, read: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]
+    ) -> tuple[Record, LawPrior | None]:
+        """Learn the coefficients; returns the record without spoilt readings, and what was known before."""
+        time_constants = self.time_constants if not self.search_ else self.search_.parameter
+        features = self._unfitted_features(time_constants).taking(read)
         prior = known_before(self, features)
-        record = features.learn(X, y, quiet=self.search_ is not None)
-        reading = Reading.of(X, y, record)
+        features.learn_from(record)
         n_columns = sum(effect.n_columns() for effect in features.effect_list())
         if prior is None:
             require_rows(reading.n_readings, n_columns)
@@ -244,7 +249,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         believed = self._without_spoilt(record)  # what filled cells and gaps spoil is known now
         if believed is not record:
             self._solve(believed, features, prior)
-        return record, believed, prior
+        return believed, prior
 
     def _conclude(self, record: Record, believed: Record, prior: LawPrior | None) -> None:
         """Doubts about what was learned, and the names of the columns it was learned from."""
@@ -363,12 +368,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
 
-    def _learn_levels(self, X: Any, y: Any) -> None:
+    def _learn_levels(self, record: Record) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""
         found = RunLevels()
         if self.run is not None and self.run_offset != "same":
             features = self._unfitted_features((), RunLevels())
-            found = run_levels(features, features.learn(X, y, quiet=True), self.run_offset == "each")
+            features.learn_from(record)
+            found = run_levels(features, record, self.run_offset == "each")
         self.run_levels_ = found
 
     def _count_to_choose(self) -> int | None:

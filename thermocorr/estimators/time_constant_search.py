@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .fitting import learned_readings
 from .progress import one_blas_thread
+from .reading import Reading
 from .regressor import DynamicBiasRegressor
 from .thermometers import Thermometers
 from .time_constants.search import (
@@ -147,9 +148,10 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         started = time.perf_counter()
         learned = learned_readings(X, y, model._unfitted_features(()).layout(), mask, sample_weight)
         with one_blas_thread():
-            model._learn_levels(X, learned)
+            record = model._unfitted_features(()).read(X, learned)
+            model._learn_levels(record)
             settings = SearchSettings(self.candidates, self.method, self.count, self.alphas, self.cv)
-            choice = search(model._unfitted_features(()), X, learned, settings)
+            choice = search(model._unfitted_features(()), record, Reading.of(X, learned, record), settings)
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:

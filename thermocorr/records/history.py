@@ -15,7 +15,6 @@ from .errors import RecordError
 from .gaps import Gaps, least_gap
 from .grammar import LARGEST
 from .record import Record
-from .record_log import RecordLog
 from .screen import Screen
 from .segments import Segment, SegmentStart
 from .times import Floats, Kind, Rows, Times
@@ -180,15 +179,6 @@ def _times(record: Record, seconds: Floats, began: float) -> Times:
     else:
         ticks, per_second = int(began) + np.rint(seconds * _NS).astype(np.int64), _NS
     return Times(n, times.kind, ticks, per_second, times.period)
-
-
-class ThinnedLog(RecordLog):
-    """A thinned record as the X of estimators; its readings are given as ``log.reading``."""
-
-    record: Thinned
-
-    def _check_gaps(self, most: float) -> None:
-        """Steps between averages are longer than those of the record that they are of, which has been cut."""
 
 
 HISTORY_ROWS = 1 << 17

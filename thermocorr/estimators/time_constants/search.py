@@ -163,14 +163,16 @@ class TimeConstantChoice:
         return {self.ambient: self.time_constants, **self.further} if self.further else self.time_constants
 
 
-def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings) -> TimeConstantChoice:
+def search(
+    features: DiffusiveFeatures, record: Record, reading: Reading, settings: SearchSettings
+) -> TimeConstantChoice:
     """Search time constants for a record.
 
     `features` (DiffusiveFeatures): The model without lags: static law and further effects, which stand in every set.
-    `X`, `y` (as for `DynamicBiasRegressor.fit`). `settings` (SearchSettings).
+    `record` (Record): With readings. `reading` (Reading): Of the record. `settings` (SearchSettings).
     """
     grid_given = not isinstance(settings.candidates, str)
-    record, reading = learned(features, X, y)
+    learn_checked(features, record, reading)
     span = record.longest_read()
     if reading.n_readings < MIN_ROWS:
         if settings.method == "spectrum" and not grid_given:
@@ -199,13 +201,11 @@ def search(features: DiffusiveFeatures, X: Any, y: Any, settings: SearchSettings
     return _by_cross_validation(factored, cross, settings, explicit)
 
 
-def learned(features: DiffusiveFeatures, X: Any, y: Any) -> tuple[Record, Reading]:
-    """Let the features learn a record; refuse one that nothing can be learned from."""
-    record = features.learn(X, y)
-    reading = Reading.of(X, y, record)
+def learn_checked(features: DiffusiveFeatures, record: Record, reading: Reading) -> None:
+    """Let the features learn from a record; refuse one from which nothing can be learned."""
+    features.learn_from(record)
     require_rows(reading.n_readings, sum(effect.n_columns() for effect in features.effect_list()))
     check_plausible(record, reading)
-    return record, reading
 
 
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
