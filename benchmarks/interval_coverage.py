@@ -96,7 +96,7 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     y = clean + NOISE * KINDS[kind](rng, len(X), X)
     model = fitted(device, searched, X, y, afresh)
     began = time.process_time()
-    joint = model.joint_errors()
+    joint = model._joint_errors()
     seconds = time.process_time() - began
     level = truth.attrs["base"] + GAIN * (model.reference_temperature_ - truth.attrs["device"]["reference_temperature"])
     bias, u_bias = model.bias(X, return_std=True)
@@ -139,7 +139,7 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
     cut = int(0.7 * n)
     early = fitted(device, searched, X.iloc[:cut], y.iloc[:cut], afresh)
     told, u_told = early.predict(X.iloc[cut:], return_std=True)
-    k = coverage_factor(early.joint_errors().noise.dof, 0.95)
+    k = coverage_factor(early._joint_errors().noise.dof, 0.95)
     later = y.to_numpy()[cut:] - told
     found |= {"later": covered(later, u_told, k), "later u": rms(u_told), "later e2": squares(later, u_told)}
     return found

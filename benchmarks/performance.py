@@ -219,7 +219,7 @@ def others() -> list[Line]:
 
 def uncertain(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> object:
     """The joint errors anew, and what they say of every row."""
-    model.__dict__.pop("joint_errors_", None)
+    model.__dict__.pop("_known_errors", None)
     return model.correct(X, y, return_std=True)
 
 

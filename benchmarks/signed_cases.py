@@ -34,7 +34,7 @@ def measured(X: pd.DataFrame, y: pd.Series, share: float) -> tuple[float, float]
     model = DynamicBiasRegressor(X.columns[0]).fit(X[:n], y[:n])
     _, u = model.predict(X[n:], return_std=True)
     error = model.residuals(X[n:], y[n:]).to_numpy()
-    k = coverage_factor(model.joint_errors().noise.dof, 0.95)
+    k = coverage_factor(model._joint_errors().noise.dof, 0.95)
     return covered(error, u, k), float(np.nanmean(u)) / rms(error)
 
 
@@ -62,12 +62,12 @@ def beyond(seed: int) -> dict[str, Any]:
     low = X["temperature"].quantile(0.5)
     n = int(np.argmax(X["temperature"].to_numpy() > low + 5)) if (X["temperature"][:4000] <= low + 5).all() else 4000
     model = DynamicBiasRegressor("temperature", degree=1).fit(X[:n], y[:n])
-    hot = (X["temperature"] > model.temperature_range_[1] + 1).to_numpy() & (np.arange(len(X)) >= n)
+    hot = (X["temperature"] > model.reading_.temperature_range[1] + 1).to_numpy() & (np.arange(len(X)) >= n)
     if not hot.any():
         return {"covered": np.nan, "signed": np.nan}
     told, u = model.predict(X, return_std=True)
     status = model.uncertainty(X, y).frame()["status"].to_numpy()
-    inside = np.abs(y.to_numpy() - told) <= coverage_factor(model.joint_errors().dof, 0.95) * u
+    inside = np.abs(y.to_numpy() - told) <= coverage_factor(model._joint_errors().dof, 0.95) * u
     return {"covered": float(inside[hot].mean()), "signed": bool((status[hot] == "signed").any())}
 
 
@@ -82,10 +82,10 @@ def after_excursion(seed: int) -> dict[str, Any]:
     y = pd.Series(clean + truth["noise"].to_numpy(), record.index)
     X = pd.DataFrame({"temperature": air}, record.index)
     model = DynamicBiasRegressor("temperature", degree=1).fit(X[:learned], y[:learned])
-    low, high = model.temperature_range_
+    low, high = model.reading_.temperature_range
     rows = slice(heated.stop, heated.stop + 180)
     told, u = model.predict(X[learned:], return_std=True)
-    inside = np.abs(y[learned:] - told) <= coverage_factor(model.joint_errors().dof, 0.95) * u
+    inside = np.abs(y[learned:] - told) <= coverage_factor(model._joint_errors().dof, 0.95) * u
     status = model.uncertainty(X[learned:], y[learned:]).frame()["status"]
     back = X["temperature"].iloc[rows].between(low, high)
     said = status.loc[back.index[back]] == "signed"

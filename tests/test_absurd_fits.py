@@ -113,7 +113,7 @@ def test_a_column_that_moves_a_little_keeps_its_coefficient():
         model = DynamicBiasRegressor(time_constants=[600.0], effects=[Covariate("pressure")]).fit(
             X, 10 + WAVE + 0.5 * pressure + 1e-3 * NOISE
         )
-    assert model.coef_[-1] == pytest.approx(0.5, abs=4 * model.standard_errors()[-1])
+    assert model.coef_[-1] == pytest.approx(0.5, abs=4 * model._standard_errors()[-1])
 
 
 def test_effects_of_ones_own_are_left_alone():

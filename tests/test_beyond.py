@@ -20,7 +20,7 @@ def learned_cold(seed):
     X, y = record[["temperature"]], record["reading"]
     n = 4000
     model = DynamicBiasRegressor("temperature", degree=1).fit(X[:n], y[:n])
-    hot = (X["temperature"] > model.temperature_range_[1] + 1).to_numpy() & (np.arange(len(X)) >= n)
+    hot = (X["temperature"] > model.reading_.temperature_range[1] + 1).to_numpy() & (np.arange(len(X)) >= n)
     return model, X, y, hot
 
 
@@ -30,13 +30,13 @@ def test_a_curvature_deep_inside_is_in_the_uncertainty(seed):
     model, X, y, hot = learned_cold(seed)
     told, u = model.predict(X, return_std=True)
     error = np.abs(y.to_numpy() - told)[hot]
-    assert np.mean(error <= coverage_factor(model.joint_errors().dof, 0.95) * u[hot]) > 0.9
+    assert np.mean(error <= coverage_factor(model._joint_errors().dof, 0.95) * u[hot]) > 0.9
     assert np.sqrt(np.mean(u[hot] ** 2)) < 2 * np.sqrt(np.mean(error**2))
 
 
 def test_a_file_holds_all_temperatures_that_are_asked(tmp_path):
     model, X, _, _ = learned_cold(9611)
-    weights = model.joint_errors().beyond.weights
+    weights = model._joint_errors().beyond.weights
     assert len(weights) == 1 + len(model.time_constants_) and np.count_nonzero(weights[0]) > 1
     save_model(model, tmp_path / "m.json")
     told = load_model(tmp_path / "m.json").predict(X, return_std=True)[1]
@@ -65,10 +65,10 @@ def test_readings_after_an_excursion_are_not_signed_before_the_device_has_cooled
     model, X, y, back = heated(seed)
     told, u = model.predict(X, return_std=True)
     after = slice(back, back + 180)
-    inside = np.abs(y - told)[after] <= coverage_factor(model.joint_errors().dof, 0.95) * u[after]
+    inside = np.abs(y - told)[after] <= coverage_factor(model._joint_errors().dof, 0.95) * u[after]
     assert inside.mean() > 0.85
     frame = model.uncertainty(X, y, allow_missing=True).frame()
-    air_inside = X["temperature"].between(*model.temperature_range_).to_numpy()
+    air_inside = X["temperature"].between(*model.reading_.temperature_range).to_numpy()
     assert air_inside[after].mean() > 0.9
     assert frame["status"].iloc[back : back + 60].isin(("outside fitted range", "doubtful input", "jump")).all()
     before = frame.iloc[:300][air_inside[:300]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pickle
+from collections import Counter
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from thermocorr.effects import (
     Delay,
     Disturbance,
     Drift,
+    Effect,
     Hinge,
     Hysteresis,
     InitialTransient,
@@ -85,20 +87,17 @@ def test_every_kind_knows_what_to_try(kind):
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
 def test_a_local_search_finds_neighbours(effect):
     record = read(log(700, seed=1))
-    around = effect.nearby(record)
-    tunable = {}
-    if isinstance(effect, Hinge | Step | SensitivityStep | Disturbance):
-        tunable = dict.fromkeys(("knee", "time", "start", "end"), 2)
-    params = effect.get_params()
-    expected = sum(tunable.get(name, 0) for name in params)
-    for name in effect.info.tuned:
-        expected += 2 * np.size(params[name]) if params[name] is not None else 0
-    assert len(around) == expected
-    for other in around:
+    params, moved = effect.get_params(), Counter()
+    for other in effect.nearby(record):
         changed = [name for name, value in other.get_params().items() if value != params[name]]
         assert len(changed) == 1
+        moved.update(changed)
         other.learn(record)
         assert np.isfinite(whole(other, record)).all()
+    tuned = {name: 2 * np.size(params[name]) for name in effect.info.tuned if params[name] is not None}
+    assert all(moved[name] == count for name, count in tuned.items())
+    own = set(moved) - set(tuned)  # by a `nearby` of its own
+    assert bool(own) == (type(effect).nearby is not Effect.nearby) and {moved[name] for name in own} <= {2}
 
 
 @pytest.mark.parametrize("kind", CATALOGUE)

@@ -107,7 +107,7 @@ def test_readings_that_are_coarse_in_single_precision_are_told(tmp_path, level, 
 
 
 def test_bad_parameters(tmp_path, simple):
-    with pytest.raises(ValueError, match="'dtype' parameter of export_c must be 'float' or 'double'"):
+    with pytest.raises(ValueError, match="'dtype' parameter must be 'float' or 'double'"):
         export_c(simple[0], tmp_path, "half")
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordError, match="cannot be written"):

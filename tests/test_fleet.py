@@ -47,17 +47,17 @@ def test_a_slim_model_does_for_later_rows_what_the_whole_one_does(effects):
     first, later = record[:20_000], record[20_000:]
     whole = DynamicBiasRegressor("temperature").fit(first[["temperature"]], first["reading"])
     corrected, u = whole.correct(later[["temperature"]], later["reading"], return_std=True)
-    errors = whole.standard_errors()
+    errors = whole._standard_errors()
     slim = pickle.loads(pickle.dumps(whole))._slim()
     assert len(pickle.dumps(slim)) < 32 * 1024 < 400 * 1024 < len(pickle.dumps(whole))
     again, u_again = slim.correct(later[["temperature"]], later["reading"], return_std=True)
     np.testing.assert_array_equal(again, corrected)
     np.testing.assert_array_equal(u_again, u)
-    np.testing.assert_array_equal(slim.standard_errors(), errors)
+    np.testing.assert_array_equal(slim._standard_errors(), errors)
     live = OnlineCorrector(slim).update_many(later[["temperature"]], later["reading"])["corrected"]
     np.testing.assert_allclose(live, corrected, atol=1e-9)
-    with pytest.raises(ValueError, match="joint_errors"):
-        slim.standard_errors(np.ones((1, len(slim.coef_))))
+    with pytest.raises(ValueError, match="Fit it again"):
+        slim._standard_errors(np.ones((1, len(slim.coef_))))
 
 
 @pytest.mark.long

@@ -410,10 +410,10 @@ def test_a_line_of_commas_is_no_log(written):
 def test_a_format_of_its_own_is_one_entry(tmp_path, monkeypatch):
     """The recipe of CONTRIBUTING: an ending, a name and a function that reads a whole file."""
     table = pd.DataFrame({"time": [0, 60, 120], "temperature": [20.0, 21.0, 22.5], "reading": [1.5, 2.25, 4.5]})
-    table.to_json(tmp_path / "log.jsonl", orient="records", lines=True)
-    monkeypatch.setitem(FORMATS, ".jsonl", Format("JSON lines", lambda path: pd.read_json(path, lines=True)))
-    pd.testing.assert_frame_equal(read_log(tmp_path / "log.jsonl").frame, table)
+    table.to_json(tmp_path / "log.ods", orient="records", lines=True)
+    monkeypatch.setitem(FORMATS, ".ods", Format("JSON lines", lambda path: pd.read_json(path, lines=True)))
+    pd.testing.assert_frame_equal(read_log(tmp_path / "log.ods").frame, table)
     with pytest.raises(RecordError, match=r"is JSON lines, which cannot be followed"):
-        open_lines(str(tmp_path / "log.jsonl"), True, None, StopSignal())
-    lines = [line for line in open_lines(str(tmp_path / "log.jsonl"), False, None, StopSignal()) if line]
+        open_lines(str(tmp_path / "log.ods"), True, None, StopSignal())
+    lines = [line for line in open_lines(str(tmp_path / "log.ods"), False, None, StopSignal()) if line]
     assert lines == [b"time,temperature,reading\n", b"0,20.0,1.5\n", b"60,21.0,2.25\n", b"120,22.5,4.5\n"]

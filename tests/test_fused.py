@@ -192,9 +192,9 @@ def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatc
     compiled = clone(model).fit(X, y, **weight)
     monkeypatch.setattr(fused_columns, "is_compiled", lambda: False)
     walked = clone(model).fit(X, y, **weight)
-    errors = walked.standard_errors()
+    errors = walked._standard_errors()
     assert np.abs((compiled.coef_ - walked.coef_) / errors[1:]).max() < 1e-6
-    np.testing.assert_allclose(compiled.standard_errors(), errors, rtol=1e-6)
+    np.testing.assert_allclose(compiled._standard_errors(), errors, rtol=1e-6)
     np.testing.assert_allclose(compiled.predict(X), walked.predict(X), rtol=0, atol=1e-10)
 
 

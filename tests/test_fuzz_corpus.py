@@ -18,7 +18,7 @@ from corpus.clean_log import CLEAN, HEADER, ROWS, Shown, check, frame_of, save_f
 
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, load_model, save_model
 from thermocorr.command.cli import main
-from thermocorr.equations.spikes import OVERLOAD
+from thermocorr.equations.sensor_artefacts import OVERLOAD
 from thermocorr.foreign import read_log
 from thermocorr.records.read import Layout, read_record
 

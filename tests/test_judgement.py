@@ -11,7 +11,7 @@ from scipy.linalg import toeplitz
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
-from thermocorr.estimators.screening import evenness
+from thermocorr.estimators.heteroscedasticity import evenness
 from thermocorr.judgement.scan import best_period, filtered, step_gains
 from thermocorr.judgement.score import Comparison
 

@@ -221,7 +221,7 @@ def test_what_the_fleet_has_seen_is_not_outside(prior, fleet):
     log, _, _ = unit(400)
     model = DynamicBiasRegressor("temperature", prior=prior).fit(log[["temperature"]][:HOUR], log["reading"][:HOUR])
     T = log["temperature"]
-    low, high = (f(each.temperature_range_[k] for each in fleet.values()) for k, f in ((0, min), (1, max)))
+    low, high = (f(each.reading_.temperature_range[k] for each in fleet.values()) for k, f in ((0, min), (1, max)))
     flags = model.flags(log[["temperature"]])[T.between(low, high)]
     assert set(flags) <= {"", "jump", "doubtful input"}  # an hour does not tell how fast the room may move
     assert (flags == "").mean() > 0.99

@@ -8,7 +8,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.equations.spikes import ends_of_range, filled_in, is_repeated
+from thermocorr.equations.sensor_artefacts import ends_of_range, filled_in, is_repeated
 from thermocorr.records.errors import RecordError, RecordWarning
 
 N = 3000

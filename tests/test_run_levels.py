@@ -53,7 +53,7 @@ def test_each_run_is_corrected_to_its_own_level(apart, seed):
     assert apart_model.residual_std_ < 1.02 * at_one.residual_std_
     lags = [name.startswith("lag") for name in at_one.features_.get_feature_names_out()]
     np.testing.assert_allclose(
-        apart_model.coef_[: len(lags)][lags], at_one.coef_[lags], atol=4 * at_one.standard_errors()[1:][lags].max()
+        apart_model.coef_[: len(lags)][lags], at_one.coef_[lags], atol=4 * at_one._standard_errors()[1:][lags].max()
     )
 
 
@@ -61,7 +61,7 @@ def test_where_levels_are_alike_nothing_changes():
     X, y = two_runs(apart=0.5)
     for option in ("auto", "same"):
         model = fitted(X, y, run_offset=option)
-        assert model.run_levels_.times == () and not any("step" in n for n in model.features_.get_feature_names_out())
+        assert model._run_levels.times == () and not any("step" in n for n in model.features_.get_feature_names_out())
     assert fitted(X, y, run_offset="each").contributions(X)["several steps: 1"].iloc[-1] == pytest.approx(0.5, abs=0.1)
 
 
@@ -74,7 +74,7 @@ def test_runs_at_set_points_tell_the_static_law_together():
     )
     y = pd.Series(100 + 5 * (T - 23) + 0.01 * rng.normal(size=1200), index=X.index)
     model = fitted(X, y, initial_state="equilibrium")
-    assert model.run_levels_.times == ()
+    assert model._run_levels.times == ()
     assert model.correct(X, y).std() < 0.05
 
 
@@ -83,7 +83,7 @@ def test_an_effect_from_run_to_run_is_no_level():
     record = make_record(8000, seed=5, noise=NOISE, effects={"covariate": 1.0})
     X = record.drop(columns="reading").assign(run=np.arange(8000) // 1000)
     model = fitted(X, record["reading"])
-    assert model.run_levels_.times == ()
+    assert model._run_levels.times == ()
     assert diagnose(model, X, record["reading"]).best.kind == "covariate"
 
 
@@ -121,13 +121,13 @@ def test_runs_at_once_at_different_levels_are_refused():
     X, y = two_runs(apart=300.0, pause="-1 D")
     with pytest.raises(RecordError, match=r"Runs .a. and .b. overlap in time.*run_offset=.same."):
         fitted(X, y)
-    assert fitted(X, y, run_offset="same").run_levels_.times == ()
+    assert fitted(X, y, run_offset="same")._run_levels.times == ()
 
 
 def test_a_run_without_readings_and_a_single_run_have_no_level():
     X, y = two_runs()
-    assert fitted(X, y.where(X["run"] == "a")).run_levels_.times == ()
-    assert fitted(X[:3000], y[:3000], run_offset="each").run_levels_.times == ()
+    assert fitted(X, y.where(X["run"] == "a"))._run_levels.times == ()
+    assert fitted(X[:3000], y[:3000], run_offset="each")._run_levels.times == ()
 
 
 def test_a_search_of_time_constants_knows_the_levels():
@@ -148,7 +148,7 @@ def test_three_resistors_in_four_runs_keep_their_levels(measured):
         model = DynamicBiasRegressor("oven_temp_degC", run="run", time="time").fit(X, y)
         levels = model.correct(X, y).groupby(record["run"]).mean()
         one = DynamicBiasRegressor("oven_temp_degC", run="run", time="time", run_offset="same").fit(X, y)
-    assert len(model.run_levels_.times) == 3
+    assert len(model._run_levels.times) == 3
     assert model.residual_std_ < one.residual_std_ / 10
     assert abs(levels["run9"] - levels["run10"]) < 0.004  # ohm: the same element
     assert levels["run17"] - levels["run9"] == pytest.approx(0.053, abs=0.004)
@@ -160,7 +160,7 @@ def test_a_loaded_model_is_judged_as_the_fitted_one(tmp_path):
     model = fitted(X, y)
     save_model(model, tmp_path / "m.json")
     loaded = load_model(tmp_path / "m.json")
-    assert loaded.run_levels_.times == model.run_levels_.times
+    assert loaded._run_levels.times == model._run_levels.times
     assert diagnose(loaded, X, y).verdict == diagnose(model, X, y).verdict == "nothing missing"
 
 
@@ -170,7 +170,7 @@ def test_a_run_without_readings_in_between_gets_no_level_of_its_own():
     X = pd.concat([X[:3000], between, X[3000:]])
     y = pd.concat([y[:3000], pd.Series(np.nan, between.index), y[3000:]])
     model = fitted(X, y)
-    assert len(model.run_levels_.times) == 1
+    assert len(model._run_levels.times) == 1
 
 
 def test_a_fleet_that_shares_time_constants_knows_the_levels():
@@ -208,7 +208,7 @@ def test_a_reading_of_a_run_that_was_never_seen_may_be_at_any_of_the_levels():
     """Corrected readings keep their level, and are as sure as ever."""
     X, y = two_runs(apart=40.0)
     model = fitted(X, y)
-    assert len(model.run_levels_.times) == 1
+    assert len(model._run_levels.times) == 1
     new = X[-500:].assign(run="c").set_axis(X.index[-500:] + pd.Timedelta("1 D"))
     unknown, known = (model.predict(some, return_std=True)[1] for some in (new, X[-500:]))
     np.testing.assert_allclose(unknown[-100:], 40.0, rtol=0.02)

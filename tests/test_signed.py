@@ -70,7 +70,7 @@ def test_outside_the_fitted_temperatures_nothing_is_signed():
     first = int(np.argmax(~cold))
     model = DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X[:first], y[:first])
     frame = model.uncertainty(X, y).frame()
-    outside = (X["temperature"] > model.temperature_range_[1] + 0.2).to_numpy()
+    outside = (X["temperature"] > model.reading_.temperature_range[1] + 0.2).to_numpy()
     assert outside.any() and not frame["status"][outside].eq("signed").any()
     assert (frame["u_extrapolation"][outside] > 0).all() and (frame["u_extrapolation"][~outside][:first] == 0).all()
     assert frame["u"][outside].mean() > 1.05 * frame["u"][:first].mean()

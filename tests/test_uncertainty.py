@@ -105,7 +105,7 @@ def test_intervals_of_the_bias_hold_the_truth(rows, times):
         model = DynamicBiasRegressor("temperature", times, **settings).fit(X, y)
         bias, u = model.bias(X, return_std=True)
         error = (bias - truth)[200:]
-        shares.append((error.abs() <= coverage_factor(model.joint_errors().dof, 0.95) * u[200:]).mean())
+        shares.append((error.abs() <= coverage_factor(model._joint_errors().dof, 0.95) * u[200:]).mean())
         widths.append(np.sqrt((u[200:] ** 2).mean()))
         errors.append(np.sqrt((error**2).mean()))
     assert np.mean(shares) >= 0.88
@@ -162,7 +162,7 @@ def test_pickles_and_clones(fitted):
     model, X, _, _ = fitted
     again = pickle.loads(pickle.dumps(model))
     np.testing.assert_array_equal(again.bias(X, return_std=True)[1], model.bias(X, return_std=True)[1])
-    assert not hasattr(clone(model), "joint_errors_")
+    assert not hasattr(clone(model), "_known_errors")
 
 
 def test_a_second_fit_forgets_the_first_noise():
@@ -187,9 +187,9 @@ def test_rows_that_follow_have_the_same_uncertainty_alone(fitted):
 def test_a_long_record_is_averaged_while_it_is_swept(monkeypatch):
     """Beside the same record whose history keeps every row: bins are wider, the errors within 5 %."""
     X, y, _ = device(20000, 6, np.random.default_rng(6).standard_normal(20000))
-    whole = DynamicBiasRegressor("temperature", TIMES).fit(X, y).joint_errors()
+    whole = DynamicBiasRegressor("temperature", TIMES).fit(X, y)._joint_errors()
     monkeypatch.setattr(binned, "HISTORY_ROWS", 1000)
-    swept = DynamicBiasRegressor("temperature", TIMES).fit(X, y).joint_errors()
+    swept = DynamicBiasRegressor("temperature", TIMES).fit(X, y)._joint_errors()
     np.testing.assert_allclose(
         np.linalg.norm(swept.half[:4], axis=1), np.linalg.norm(whole.half[:4], axis=1), rtol=0.05
     )
@@ -232,7 +232,7 @@ def test_a_loaded_model_states_the_same(tmp_path, times):
 def test_a_model_that_knows_no_noise_says_so(fitted):
     model, X, _, _ = fitted
     poor = pickle.loads(pickle.dumps(model))
-    poor.__dict__.pop("joint_errors_", None)
+    poor.__dict__.pop("_known_errors", None)
     del poor._swept
     assert not poor._knows_noise
     with pytest.raises(ValueError, match="does not know the noise"):
@@ -244,7 +244,7 @@ def test_few_readings_among_many_rows():
     X, y, _ = device(20_000, 12, np.random.default_rng(12).standard_normal(20_000))
     y = y.where(np.arange(20_000) % 3 == 0)
     model = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
-    assert model.joint_errors().noise.white == pytest.approx(0.04, rel=0.1)
+    assert model._joint_errors().noise.white == pytest.approx(0.04, rel=0.1)
     assert 0.001 < np.median(model.bias(X, return_std=True)[1]) < 0.02
 
 

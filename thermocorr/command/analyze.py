@@ -156,7 +156,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
             evaluated["smoothed"] = average.many(evaluated["corrected"].to_numpy(float))
         answer = replace(answer, notes=(*answer.notes, *more))
         files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
-        best.log_form_ = loaded.form or {}
+        best._log_form = loaded.form or {}
         files += map(str, write_model(outputs, folder, best, (X, y)))
     if report is not None:
         files.append(str(report))

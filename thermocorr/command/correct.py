@@ -379,7 +379,7 @@ def _run(options: argparse.Namespace) -> int:
         times = options.time or model.time
         idle = options.idle if options.follow else None
         how = how_to_read(options, (*live.columns, *model.thermometers_, model.reading_.name, model.run))
-        lines = open_lines(options.log, options.follow, idle, stop, how, times, getattr(model, "log_form_", {}))
+        lines = open_lines(options.log, options.follow, idle, stop, how, times, getattr(model, "_log_form", {}))
         try:
             name = lines.time_name if isinstance(lines, TableLines) else None
             rows = LogRows(live, options, _complain, time_name=name, place=lines.place, units=lines.units())

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_median, check_temperature, check_unit
+from ..estimators.unit_guard import UnitGuard
 from ..files.result_files import new_names
 from ..foreign import RUN
 from ..foreign.clocks import SPANS
@@ -45,13 +45,9 @@ class RowTrust:
 
     def __init__(self, model: DynamicBiasRegressor):
         self.model = model
-        reading, features = model.reading_, model.features_
-        self._first_thermometer = features.history_.record.temperature_name
-        self._ranges: dict[Any, tuple[float, float]] = {self._first_thermometer: reading.temperature_range}
-        self._ranges |= {
-            one.column: one.range for one in features.filling_.stand_ins if one.column in model.thermometers_
-        }
-        self._first: dict[Any, list[float]] = {name: [] for name in self._ranges}
+        self._guard = UnitGuard.of(model)
+        self._first: dict[Any, list[float]] = {name: [] for name in self._guard.ranges}
+        """Temperatures of each thermometer until there are enough to tell its unit."""
         self._flags: Counter[str] = Counter()
         self._called: dict[Any, str] = {}
         self._stated: dict[Any, str] = {}
@@ -62,16 +58,11 @@ class RowTrust:
         `reading` (str). `columns` (mapping): Column of each thermometer that goes by another name than in the fitted
         record. `units` (mapping): Units of columns that stand elsewhere than in their names.
         """
-        self._called = dict(columns)
-        fitted = self.model.reading_
-        check_unit("reading", reading, fitted.name, units.get(reading), fitted.unit)
-        for thermometer in self.model.thermometers_:
-            column = columns.get(thermometer, str(thermometer))
-            if thermometer == self._first_thermometer:
-                self._stated[thermometer] = units.get(column) or unit_of(column, None)
-                check_temperature(fitted, column, str(thermometer), self._stated[thermometer], None)
-            else:
-                check_unit("temperature", column, str(thermometer), units.get(column))
+        self._guard.check_reading(reading, units.get(reading))
+        for thermometer in self._guard.ranges:
+            column = self._called[thermometer] = columns.get(thermometer, str(thermometer))
+            self._stated[thermometer] = units.get(column) or unit_of(column, None)
+            self._guard.check_temperature(thermometer, self._stated[thermometer], column=column)
 
     def look(self, values: Mapping[Any, Any]) -> None:
         """Look at the temperatures of a row, or of several; RecordError where they are in another unit."""
@@ -79,10 +70,8 @@ class RowTrust:
             given = np.atleast_1d(np.asarray(values[name], float))
             self._first[name] += given[np.isfinite(given)].tolist()
             if len(self._first[name]) >= ENOUGH:
-                median, called = float(np.median(self._first.pop(name))), self._called.get(name, name)
-                if name in self._stated:
-                    check_temperature(self.model.reading_, str(called), str(name), self._stated[name], median)
-                check_median(median, called, *self._ranges[name])
+                median = float(np.median(self._first.pop(name)))
+                self._guard.check_temperature(name, self._stated[name], median, self._called[name])
 
     def count(self, flags: Iterable[str]) -> None:
         """Count rows by their flags."""

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.thermal import column_text
-from ..estimators.flat import Inner
+from ..estimators.fitted import Inner
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import VERDICTS, distinct
 from ..estimators.time_constant_search import TimeConstantSearch
@@ -554,7 +554,7 @@ class Walk:
 
     def uncertainties(self) -> Iterator[np.ndarray]:
         """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""
-        joint = self.model.joint_errors()
+        joint = self.model._joint_errors()
         for _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
             yield np.sqrt(errors.of_readings(joint.noise))
 

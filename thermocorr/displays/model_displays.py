@@ -220,10 +220,10 @@ class StepResponseDisplay(Display):
         columns = _columns(fitted, effects, times, step)
         value = columns @ fitted.coef_
         if fitted._knows_noise:
-            joint = fitted.joint_errors()
+            joint = fitted._joint_errors()
             error = joint.combined(_columns(fitted, joint.effects, times, step), value)
         else:
-            error = fitted.standard_errors(columns)
+            error = fitted._standard_errors(columns)
         response = pd.DataFrame({"time": times, "response": value, "standard_error": error})
         reading = fitted.reading_
         return cls(

@@ -19,8 +19,8 @@ from ..records.history import thinned
 from ..records.numbers import Scale, number_text, numeric_reading, scale_of
 from ..records.screen import screened
 from .averages import COARSE, Averages, averaged, averaged_columns
-from .copies import moved
 from .out_of_sample import GAIN, PIECES, OutOfSample, geometric_mean, later_pieces
+from .surrogates import moved
 
 FEWEST = 100
 """Readings below which nothing is advised."""
@@ -118,7 +118,7 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
 
     Each is predicted on the same later stretches, from all before them. The simplest within `GAIN` of the best is
     chosen, if it is better by as much than what needs no temperature, and laws of the temperature are than laws of
-    copies of it that are moved in time, see `thermocorr.estimators.copies`.
+    copies of it that are moved in time, see `thermocorr.estimators.surrogates`.
 
     `variants` (mapping of str to fitted DynamicBiasRegressor): The simplest first. `X`, `y` (as for their `fit`).
     """
@@ -200,7 +200,7 @@ def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
 def _levels(model: Any) -> tuple[float, ...]:
     """Moments at which the reading has another level [s], which its corrections keep: of events, and between runs."""
     events = [effect for effect in model.features_.effect_list() if isinstance(effect, Events)]
-    return tuple(sorted({*model.run_levels_.times, *(float(time) for event in events for time in event.seconds_)}))
+    return tuple(sorted({*model._run_levels.times, *(float(time) for event in events for time in event.seconds_)}))
 
 
 def _effects(model: Any, record: Record) -> list[Effect]:
@@ -209,7 +209,7 @@ def _effects(model: Any, record: Record) -> list[Effect]:
         clone(effect)
         for effect in model.features_.effect_list()
         if not isinstance(effect, InitialTransient | Events)
-        and not (isinstance(effect, SeveralSteps) and model.run_levels_.times == tuple(effect.times))
+        and not (isinstance(effect, SeveralSteps) and model._run_levels.times == tuple(effect.times))
     ]
     for effect in own:
         effect.learn(record)

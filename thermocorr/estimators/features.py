@@ -20,7 +20,7 @@ from ..records import History, Layout, Log, Record, RecordError, SegmentStart, r
 from ..records.errors import warn
 from ..records.read import check_max_gap, check_order
 from ..records.screen import screened
-from .filling import Filling, check_rules, filling_of, learned_beside
+from .imputation import Filling, check_rules, filling_of, learned_beside
 from .reading import check_columns
 from .thermometers import Thermometers
 from .time_constants.spectrum import DECAY_SHARE

@@ -1,11 +1,11 @@
-"""Methods of a fitted regressor, and its bias under doubtful inputs."""
+"""Methods of a fitted regressor, its bias under doubtful inputs, and the temperatures inside the device."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,8 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects import LagProducts, StaticPolynomial
+from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
+from ..effects.protocol import Effect
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
@@ -25,12 +26,12 @@ from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
-from .flat import Inner, inner_blocks
 from .input_errors import SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .prior import Law, law_of
 from .progress import one_blas_thread
-from .reading import Reading, check_range, check_reading_unit, check_record, like, no_flags
+from .reading import Reading, like, no_flags
 from .tables import coefficient_table, distinct, equation_text
+from .unit_guard import UnitGuard
 
 
 class Same:
@@ -46,6 +47,60 @@ class Same:
         return np.asarray(self.value, dtype)
 
 
+class Inner(NamedTuple):
+    """Temperatures inside of the device in the rows of a block, one column for each time constant."""
+
+    block: Block
+    temperature: np.ndarray
+    """psi_j + psi_0j of eqs. (17) (18): what the part of the device with this time constant feels, shape (n, J)."""
+    start: np.ndarray
+    """psi_0j of eq. (18): what is left of its unknown temperature at the start of the segment, shape (n, J) [K]."""
+    difference: np.ndarray
+    """Psi_j of eq. (19): how much warmer it is than the ambient, shape (n, J) [K]."""
+
+
+def lags_of(model: Any) -> tuple[np.ndarray, slice]:
+    """Time constants [s] of a fitted model's lags, and which coefficients they have; none where it has no lags."""
+    lag, columns = _of_kind(model, ThermalLag)
+    return np.zeros(0) if lag is None else lag.time_constants_, columns
+
+
+def _of_kind(model: Any, kind: type[Effect]) -> tuple[Any, slice]:
+    """The first effect of a kind, None where there is none, and which of all columns it has."""
+    at = 0
+    for effect in model.features_.effect_list():
+        if type(effect) is kind:
+            return effect, slice(at, at + effect.n_columns())
+        at += effect.n_columns()
+    return None, slice(0, 0)
+
+
+def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
+    """Inner temperatures of a fitted model along a walk through a record.
+
+    The start of a part follows from its two coefficients, psi_0j = nu_j / mu_j: where mu_j is small against its
+    standard error, it is as uncertain as their ratio.
+
+    `model` (DynamicBiasRegressor): Fitted, with lags of the temperature. `steps` (iterator of Walked): Of all effects
+    of the model. Raises ValueError for a model without lags: a static model knows of nothing inside.
+    """
+    taus, lags = lags_of(model)
+    if not len(taus):
+        raise ValueError("The model has no lags: a static model knows of no temperature inside of the device.")
+    mu = model.coef_[lags]
+    start, decays = _of_kind(model, InitialTransient)
+    weights = np.zeros((decays.stop - decays.start, len(taus)))
+    if start is not None:
+        own = np.concatenate([*start.decays_.values(), np.zeros(0)])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = model.coef_[decays, None] / mu
+        weights = np.where((own[:, None] == taus) & (mu != 0), ratio, 0.0)
+    for step in steps:
+        psi_0 = step.columns[:, decays] @ weights  # eq. (18)
+        difference = step.columns[:, lags] + psi_0  # eq. (19)
+        yield Inner(step.block, difference + step.block.temperature[:, None], psi_0, difference)
+
+
 class FittedModel:
     """The part of `DynamicBiasRegressor` that needs no data to be fitted."""
 
@@ -53,7 +108,7 @@ class FittedModel:
     reading_: Reading
     washout_: float
     alpha_: float
-    standard_errors_: np.ndarray
+    _known_standard_errors: np.ndarray
     _solution: Any
     _swept: Any
 
@@ -63,29 +118,28 @@ class FittedModel:
         Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
         they forget within a twentieth of the record.
         """
-        errors = self.standard_errors()
+        errors = self._standard_errors()
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
-    def standard_errors(self, combinations: np.ndarray | None = None) -> np.ndarray:
+    def _standard_errors(self, combinations: np.ndarray | None = None) -> np.ndarray:
         """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`.
 
         With `combinations` of shape (k, n_columns) those of linear combinations of `coef_`, shape (k,). Raises
         ValueError for a slim model, or one read from a file, which do not hold the factors of their record.
         """
         check_is_fitted(self, "pipeline_")
-        if combinations is None and hasattr(self, "standard_errors_"):
-            return self.standard_errors_
+        if combinations is None and hasattr(self, "_known_standard_errors"):
+            return self._known_standard_errors
         if not hasattr(self, "_swept"):
             raise ValueError(
-                "A slim model, or one read from a file, does not hold the factors of its record. Ask joint_errors() "
-                "for the covariance of its coefficients, or fit it again."
+                "A slim model, or one read from a file, does not hold the factors of its record. Fit it again."
             )
         with one_blas_thread():
             if combinations is not None:
                 rows = np.column_stack((np.zeros(len(combinations)), combinations))
                 return standard_errors(self._swept, self._solution, self.alpha_, rows)
-            self.standard_errors_ = standard_errors(self._swept, self._solution, self.alpha_)
-        return self.standard_errors_
+            self._known_standard_errors = standard_errors(self._swept, self._solution, self.alpha_)
+        return self._known_standard_errors
 
     def _law(self) -> Law:
         """The coefficients without those of starts and steps, and how well the record determines them.
@@ -93,19 +147,19 @@ class FittedModel:
         Raises ValueError for a model read from a file, which has forgotten it.
         """
         check_is_fitted(self, "pipeline_")
-        if hasattr(self, "law_"):
-            kept: Law = self.law_
+        if hasattr(self, "_known_law"):
+            kept: Law = self._known_law
             return kept
         if not hasattr(self, "_swept"):
             raise ValueError("A model read from a file does not know how well its record determined it. Fit it again.")
-        effects, errors = self.features_.effect_list(), self.standard_errors()
+        effects, errors = self.features_.effect_list(), self._standard_errors()
         return law_of(
             effects,
             self._swept,
             self._solution,
             errors,
             reference_temperature=float(self.features_.reference_temperature_),
-            temperature_range=self.temperature_range_,
+            temperature_range=self.reading_.temperature_range,
         )
 
     def equation(self) -> str:
@@ -142,11 +196,6 @@ class FittedModel:
     def degree_(self) -> int:
         """Highest power of T - T0 in the static law: at most `degree`, and no more than the temperatures determine."""
         return next((e.degree for e in self.features_.effect_list() if isinstance(e, StaticPolynomial)), 0)
-
-    @property
-    def temperature_range_(self) -> tuple[float, float]:
-        """Lowest and highest temperature of the fitted rows."""
-        return self.reading_.temperature_range
 
     @property
     def time_constants_(self) -> np.ndarray:
@@ -255,7 +304,7 @@ class FittedModel:
 
     def _reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
         """Readings as numbers, row by row as X; RecordError where their name says another unit than the fit's."""
-        check_reading_unit(self.reading_, y, X)
+        UnitGuard.of(self).check_readings(y, X)
         return numeric_reading(y, X)
 
     def _all_coefficients(self) -> np.ndarray:
@@ -270,10 +319,7 @@ class FittedModel:
         yield from self._weighed_blocks(X, *self._resumed_with_gaps(X))
 
     def _weighed_blocks(self, X: Any, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        check_record(self.reading_, X, record)
-        for one in self.features_.filling_.stand_ins:
-            if one.column in self.thermometers_:
-                check_range(record, one.column, *one.range)
+        UnitGuard.of(self).check_record(record, X)
         return self._weighed(self.features_.walk_resumed(record, starts, states))
 
     def _residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:

@@ -26,8 +26,8 @@ from ..records.labels import refuse_labels_of_rows
 from ..records.numbers import as_pandas, check_same_rows, is_frame, numeric_reading
 from ..records.record_log import as_data
 from ..records.screen import WeightedReading
+from .coverage import flat_effects
 from .cutting import block_rows, pieces
-from .flat import flat_effects
 from .fused import Binned, Binning, FusedColumns, FusedSweep, can_be_fused
 from .progress import one_blas_thread
 

@@ -11,9 +11,9 @@ import numpy as np
 from ..records import RecordError
 from ..records.errors import check_int, said_once
 from ..records.record import where_read
+from .heteroscedasticity import believed_readings
 from .progress import Progress, reporting
 from .run_levels import unlearned
-from .screening import believed_readings
 
 
 def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:

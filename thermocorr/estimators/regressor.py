@@ -21,9 +21,9 @@ from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
 from .coverage import Coverage
 from .cutting import equal_edges
-from .doubts import doubts_of
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, learned_readings, require_rows, standard_errors, sweep_effects
+from .identifiability import doubts_of
 from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
@@ -58,9 +58,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
     screen : bool, default True
-        Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at
-        power-on) and isolated spikes, see `thermocorr.equations.spikes`. Such readings are not learned from; rows with
-        such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
+        Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at power-
+        on) and isolated spikes, see `thermocorr.equations.sensor_artefacts`. Such readings are not learned from; rows
+        with such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
         wherever they are met again. Later inputs that move as these never did are held back or doubted, see
         `thermocorr.records.gate`.
     reference_temperature, initial_state, hold, time, run, sampling_period, max_gap, fill : see `DiffusiveFeatures`
@@ -93,16 +93,14 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         The fitted `DiffusiveFeatures` and `MergedRidge`.
     search_ : TimeConstantChoice or None
         How the time constants were chosen.
-    run_levels_ : RunLevels
-        When the level of the reading changes from run to run, see `run_offset`.
     alpha_ : float
         The ridge penalty used.
     residual_std_ : float
         Standard deviation of the residuals of the fitted record, in the unit of y.
     degree_ : int
         Highest power of T - T0 in the static law: no higher than the temperatures of the record determine.
-    temperature_range_ : tuple of float
-        Lowest and highest temperature of the fitted rows.
+    reading_ : Reading
+        Names, units and ranges of the fitted readings and temperatures.
     washout_ : float
         How long rows are flagged after a start that the fit does not know [s]: three times the longest time constant.
     notes_ : tuple of str
@@ -253,7 +251,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def _conclude(self, record: Record, believed: Record, prior: LawPrior | None) -> None:
         """Doubts about what was learned, and the names of the columns it was learned from."""
-        for of_old_fit in ("standard_errors_", "joint_errors_", "provenance_", "law_"):
+        for of_old_fit in ("_known_standard_errors", "_known_errors", "provenance_", "_known_law"):
             self.__dict__.pop(of_old_fit, None)
         doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
@@ -353,7 +351,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def _level_asked_for(self) -> tuple[float, ...]:
         """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""
-        low, high = self.temperature_range_
+        low, high = self.reading_.temperature_range
         return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
 
     def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> None:
@@ -375,7 +373,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             features = self._unfitted_features((), RunLevels())
             features.learn_from(record)
             found = run_levels(features, record, self.run_offset == "each")
-        self.run_levels_ = found
+        self._run_levels = found
 
     def _count_to_choose(self) -> int | None:
         """Number of time constants to choose: None where it is open, 0 where they are given."""
@@ -390,7 +388,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}
         given["degree"] = min(self.degree, getattr(self, "_degree", self.degree))
         features = DiffusiveFeatures(time_constants, **given)
-        levels = getattr(self, "run_levels_", RunLevels()) if levels is None else levels
+        levels = getattr(self, "_run_levels", RunLevels()) if levels is None else levels
         if levels.times:
             features.set_params(effects=levels.beside(as_effects(self.effects)))
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to

@@ -134,7 +134,7 @@ def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
     `model` (DynamicBiasRegressor): Fitted; where its runs have one level, there are no such rows. `X` (as for its
     `fit`). `known` (array of shape (n_rows,)): Readings that are learned from, NaN elsewhere.
     """
-    if not model.run_levels_.times:
+    if not model._run_levels.times:
         return np.zeros(len(known), bool)
     labels = pd.Series(X[model.run][:] if is_frame(X) else X[:, model.run]).reset_index(drop=True)
     return np.asarray(~labels.isin(labels[np.isfinite(known)].unique()))
@@ -145,7 +145,7 @@ def level_variance(model: Any) -> float:
 
     What the level of a run that was never seen may be off by, as far as the fitted runs tell.
     """
-    times = model.run_levels_.times
+    times = model._run_levels.times
     if not times:
         return 0.0
     effects = model.features_.effect_list()

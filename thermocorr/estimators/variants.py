@@ -21,10 +21,10 @@ from ..records.record_log import as_data
 from ..records.screen import error_of
 from .advice import Advice, advise
 from .choosing import count_to_choose
+from .heteroscedasticity import believed_readings
 from .holdout import residuals_of_blocks, rms, time_blocks
 from .progress import Progress, reporting
 from .regressor import DynamicBiasRegressor
-from .screening import believed_readings
 
 _TITLES = {
     "std": "std",

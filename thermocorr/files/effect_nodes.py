@@ -14,7 +14,7 @@ from ..effects.expressions import Delayed, Lag, Word, words_of
 from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
-from ..equations.spikes import OVERLOAD
+from ..equations.sensor_artefacts import OVERLOAD
 from .codec import MOST_STATE, ModelFileError, fields, name, number, pack, positive, text, unexpected, unpack, vector
 
 

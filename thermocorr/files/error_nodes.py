@@ -11,7 +11,7 @@ import numpy as np
 from ..effects import InitialTransient, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
-from ..estimators.filling import RULES, Filling, StandIn
+from ..estimators.imputation import RULES, Filling, StandIn
 from ..estimators.reading import Reading, unit_by_size
 from ..estimators.uncertainty.covariance import Beyond
 from ..estimators.uncertainty.joint import JointErrors, NoiseModel

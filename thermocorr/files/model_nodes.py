@@ -232,7 +232,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "columns": list(features.get_feature_names_out()),
         "intercept": float(ridge.intercept_),
         "coefficients": [float(value) for value in ridge.coef_],
-        "standard_errors": [float(value) for value in model.standard_errors()],
+        "standard_errors": [float(value) for value in model._standard_errors()],
         "alpha": float(model.alpha_),
         "rank": int(ridge.rank_),
         "residual_std": float(ridge.residual_std_),
@@ -241,11 +241,11 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "notes": list(model.notes_),
         "n_features_in": int(model.n_features_in_),
         "feature_names_in": None if names is None else [str(column) for column in names],
-        "log_form": getattr(model, "log_form_", {}),
+        "log_form": getattr(model, "_log_form", {}),
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
         "filling": pack_filling(features.filling_),
-        "errors": pack_errors(model.joint_errors(), features.effect_list(), codec) if model._knows_noise else None,
+        "errors": pack_errors(model._joint_errors(), features.effect_list(), codec) if model._knows_noise else None,
     }
 
 
@@ -292,9 +292,9 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         effect = codec.unpack(item, place, learned=True)
         learned.append((text(item.get("name"), f"{place}.name"), effect))
     features.effects_ = learned
-    model.run_levels_ = RunLevels.among(learned, as_effects(model.effects))
-    if model.run_levels_.times:
-        features.set_params(effects=model.run_levels_.beside(as_effects(model.effects)))
+    model._run_levels = RunLevels.among(learned, as_effects(model.effects))
+    if model._run_levels.times:
+        features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
     features.filling_ = unpack_filling(node["filling"], f"{where}.filling", features.history_.record.columns)
@@ -311,10 +311,10 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     form = node["log_form"]
     if not isinstance(form, dict) or not set(form) <= set(FORM):
         raise unexpected(f"{where}.log_form", repr(form)[:60], f"an object of {', '.join(FORM)}")
-    model.log_form_ = {key: text(value, f"{where}.log_form.{key}") for key, value in form.items()}
+    model._log_form = {key: text(value, f"{where}.log_form.{key}") for key, value in form.items()}
     errors = unpack_errors(node["errors"], f"{where}.errors", features.effect_list(), features.history_, codec)
     if errors is not None:
-        model.joint_errors_ = errors
+        model._known_errors = errors
     return model
 
 
@@ -379,7 +379,7 @@ def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, An
     model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
     notes = items(node["notes"], f"{where}.notes")
     model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))
-    model.standard_errors_ = _numbers(node, "standard_errors", where, count + 1, 0.0)
+    model._known_standard_errors = _numbers(node, "standard_errors", where, count + 1, 0.0)
 
 
 def _numbers(node: dict[str, Any], key: str, where: str, count: int, low: float = -np.inf) -> np.ndarray:

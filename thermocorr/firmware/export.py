@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..effects import StaticPolynomial
-from ..estimators.doubts import Cancellation
+from ..estimators.identifiability import Cancellation
 from ..files import Outputs
 from ..records import seconds_of
 from ..records.errors import warn
@@ -97,7 +97,7 @@ def export_to(
 ) -> FirmwareExport:
     """Write a fitted model in a language; parameters, result and errors are those of `export_c`."""
     if dtype not in ("float", "double"):
-        raise ValueError(f"The 'dtype' parameter of export_c must be 'float' or 'double'. Got {dtype!r} instead.")
+        raise ValueError(f"The 'dtype' parameter must be 'float' or 'double'. Got {dtype!r} instead.")
     effects = model.features_.effect_list()
     removed = [i for i, effect in enumerate(effects) if effect.removed_by_correct]
     refuse([effects[i] for i in removed], language.title)
@@ -209,7 +209,7 @@ def _period(given: Any, history: Any) -> float | None:
         return None
     if isinstance(given, str) and given == "fitted":
         if history is None:
-            raise ValueError("This model does not know its fitted record: pass sampling_period to export_c.")
+            raise ValueError("This model does not know its fitted record: pass sampling_period.")
         return float(history.usual_step)
     return seconds_of(given, "sampling_period")
 

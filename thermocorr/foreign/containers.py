@@ -41,7 +41,7 @@ CHUNK = 1 << 22
 def refuse_unread(path: Path) -> None:
     """RecordError for a file that is no table of a kind that is read; it says what to do."""
     ending = path.suffix.lower()
-    if ending in UNREAD:
+    if ending in UNREAD and format_of(path) is None:
         raise RecordError(f"{path} is {UNREAD[ending]}, which is not read. Save it as CSV, .xlsx or .parquet.")
     if ending in (*SHEETS, *FEATHER, *PACKED) or format_of(path) is not None or not path.is_file():
         return

@@ -206,7 +206,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
 
 def _is_level(effect: Effect, model: DynamicBiasRegressor) -> bool:
     """True if an effect is the level of each run."""
-    times = model.run_levels_.times
+    times = model._run_levels.times
     return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
 
 

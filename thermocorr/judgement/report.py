@@ -17,9 +17,9 @@ from ..displays.words import each_row, effect_text, left_sentences, small_senten
 from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
+from ..estimators.heteroscedasticity import BURST
 from ..estimators.holdout import rms
 from ..estimators.out_of_sample import OutOfSample
-from ..estimators.screening import BURST
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData
 from ..records import Record, seconds_of

@@ -23,8 +23,8 @@ from sklearn.base import clone
 from ..effects import Delay, Periodic
 from ..effects.protocol import Effect
 from ..estimators.averages import averaged_copies, key_of
-from ..estimators.copies import moved
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
+from ..estimators.surrogates import moved
 from ..records import Record
 from .levels import (
     ALIKE,

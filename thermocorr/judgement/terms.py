@@ -21,12 +21,12 @@ from ..effects import Disturbance, InitialTransient, SeveralSteps, StaticPolynom
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..equations import decays
-from ..equations.spikes import spikes
+from ..equations.sensor_artefacts import spikes
 from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
-from ..estimators.flat import lags_of
+from ..estimators.fitted import lags_of
+from ..estimators.heteroscedasticity import evenness
 from ..estimators.out_of_sample import OutOfSample
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.screening import evenness
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
 from ..records.history import Thinned

@@ -14,7 +14,7 @@ from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import check_block, check_reading_unit
+from ..estimators.unit_guard import UnitGuard
 from ..records import RecordError, read_record
 from ..records.errors import check_bool, check_int, quoted
 from ..records.numbers import is_frame
@@ -335,13 +335,15 @@ class OnlineCorrector:
         X = as_data(X)
         X = X if is_frame(X) else np.asarray(X)
         n, stream, run = len(X), self._stream, self.model.run
-        check_reading_unit(self.model.reading_, y, X)
+        guard = UnitGuard.of(self.model)
+        guard.check_readings(y, X)
         reading = np.full(n, np.nan) if y is None else readings(y, n)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:
             return Answers(0).frame(X, self.names)
-        check_block(self.model.reading_, X, values[stream.temperature], stream.temperature)
+        for thermometer in guard.ranges:
+            guard.check_values(thermometer, values[thermometer], X)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run]).reset_index(drop=True)
         # Fewer rows are faster one by one than in a block

@@ -15,7 +15,7 @@ import pandas as pd
 
 from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor
-from ..estimators.filling import StandIn
+from ..estimators.imputation import StandIn
 from ..estimators.uncertainty.joint import ErrorWalk
 from ..records import History, RecordError, seconds_of
 from ..records.errors import quoted
@@ -347,7 +347,7 @@ class LiveErrors:
     """
 
     def __init__(self, model: DynamicBiasRegressor):
-        self.joint = joint = model.joint_errors()
+        self.joint = joint = model._joint_errors()
         self._walk = ErrorWalk(model, joint, removed=True)
         own, history = model.features_.effect_list(), model.features_.history_
         more = [i for i, effect in enumerate(joint.effects) if all(effect is not each for each in own)]

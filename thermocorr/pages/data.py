@@ -137,7 +137,7 @@ class PageData:
 def _left_behind(model: Any, traces: Traces) -> str:
     """A sentence where the mean of the corrected readings is none that was read; "" where it is, or was asked for."""
     corrected, readings = traces.corrected, traces.readings
-    low, high = model.temperature_range_
+    low, high = model.reading_.temperature_range
     if (
         not corrected.n
         or readings.low <= corrected.mean <= readings.high
@@ -156,7 +156,7 @@ def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
     """Typical uncertainty of a corrected reading of the fitted record, by source."""
     if not model._knows_noise:
         return ()
-    joint = model.joint_errors()
+    joint = model._joint_errors()
     parts = {
         "noise that its past does not predict": joint.noise.white,
         "noise that remembers": joint.noise.wander_variance,

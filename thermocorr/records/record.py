@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import CHUNK, Scanned, Usual, scan_stretch
+from ..equations.sensor_artefacts import CHUNK, Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
 from .segments import Segment, SegmentStart, holes
 from .times import Floats, Rows, Times

@@ -18,7 +18,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.spikes import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
+from ..equations.sensor_artefacts import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, listing, quoted, times_word, way
 from .gate import JUMP, Gate, Motion, excursions
 from .numbers import is_frame, numeric_column, numeric_reading

@@ -154,7 +154,7 @@ class SignedModel(FittedModel):
     @property
     def _knows_noise(self) -> bool:
         """True if the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
-        return hasattr(self, "joint_errors_") or getattr(getattr(self, "_swept", None), "binned", None) is not None
+        return hasattr(self, "_known_errors") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def _slim(self, history_rows: int = 100) -> Any:
         """Forget the fitted record but for so many rows: small to send and to keep, as a model read from a file.
@@ -164,26 +164,26 @@ class SignedModel(FittedModel):
         """
         if history_rows < 1:
             raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
-        self.standard_errors()
+        self._standard_errors()
         if self._knows_noise:
-            errors = self.joint_errors()
-            self.joint_errors_ = replace(errors, history=errors.history.thinned(history_rows))
+            errors = self._joint_errors()
+            self._known_errors = replace(errors, history=errors.history.thinned(history_rows))
         features = self.features_
         features.history_ = features.history_.thinned(history_rows)
         if hasattr(self, "_swept"):
-            self.law_ = self._law()
+            self._known_law = self._law()
             del self._swept
         return self
 
-    def joint_errors(self) -> JointErrors:
+    def _joint_errors(self) -> JointErrors:
         """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""
         check_is_fitted(self, "pipeline_")
-        if not hasattr(self, "joint_errors_"):
+        if not hasattr(self, "_known_errors"):
             if not self._knows_noise:
                 raise ValueError(UNKNOWN)
             with one_blas_thread():
-                self.joint_errors_ = joint_errors(self, self._swept, self._solution)
-        return self.joint_errors_
+                self._known_errors = joint_errors(self, self._swept, self._solution)
+        return self._known_errors
 
     def uncertainty(
         self,
@@ -250,7 +250,7 @@ class SignedModel(FittedModel):
         _check_share("coverage", coverage)
         _check_not_negative("reference", 0.0 if reference is None else reference)
         _check_not_negative("reference_dof", reference_dof, strictly=True)
-        joint = self.joint_errors()
+        joint = self._joint_errors()
         if doubt := too_short(joint):
             warn(doubt)
         record, _, _ = self._resumed_with_gaps(X, y)
@@ -270,7 +270,7 @@ class SignedModel(FittedModel):
 
     def _uncertain(self, X: Any, of: str, reading: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The "bias", the "corrected" reading or a "reading" to come, and its standard uncertainty, (n_rows,) each."""
-        joint = self.joint_errors()
+        joint = self._joint_errors()
         record, _, _ = self._resumed_with_gaps(X)
         values, result = np.full(record.n_rows, np.nan), np.full(record.n_rows, np.nan)
         walk = ErrorWalk(self, joint, removed=of != "reading")

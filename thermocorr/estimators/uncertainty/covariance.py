@@ -24,7 +24,7 @@ from ...equations import TriangularFactor
 from ...equations.noise import RATIO, Bands, fitted_parts, spans
 from ...records import History
 from ..fused import Binned, binned_columns
-from ..screening import evenness
+from ..heteroscedasticity import evenness
 from ..time_constants.folds import MOST_SEGMENTS
 
 DRAWS = 40
@@ -368,7 +368,7 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         free, starts = np.flatnonzero(~decays), columns[:, decays] @ model.coef_[fitted]
     usual = float(np.median(bins.count[bins.count > 0]))  # of readings: a record may have few, or nothing but bursts
     known = bins.count >= usual / 2
-    low, high = model.temperature_range_
+    low, high = model.reading_.temperature_range
     return Basis(
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],

@@ -442,7 +442,7 @@ def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndar
     fixed, own = np.zeros(n), np.zeros(n)
     if not (sensor.offset or sensor.own_noise or sensor.time_constant):
         return fixed, own
-    low, high = model.temperature_range_
+    low, high = model.reading_.temperature_range
     # Temperature by which the bias is differentiated, as a share of the fitted range: far above rounding
     h = 1e-4 * (high - low)
     kelvin = KELVIN.get(difference_unit(model.reading_.temperature_unit), 1.0)

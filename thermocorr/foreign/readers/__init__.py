@@ -1,17 +1,18 @@
 """Logs that are no tables: a reader for each, found by the first lines of the file.
 
 A reader is a module with two functions. ``recognises(lines)`` says whether the first lines (list of str) are its own;
-``read(lines, reading)`` makes a frame of all of them, and says in words how. Enter it in `READERS`.
+``read(lines, reading)`` makes a frame of all of them, and says in words how. Of several readers that know a file, the
+one with the least `PLACE` reads it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import NamedTuple
 
 import pandas as pd
-
-from . import esphome, json_lines, line_protocol, serial_monitor
 
 
 class Reader(NamedTuple):
@@ -21,8 +22,9 @@ class Reader(NamedTuple):
     read: Callable[[Sequence[str], str | None], tuple[pd.DataFrame, str]]
 
 
+_MODULES = [import_module(f".{file.name}", __name__) for file in iter_modules(__path__)]
 READERS = tuple(
-    Reader(module.recognises, module.read) for module in (json_lines, esphome, line_protocol, serial_monitor)
+    Reader(module.recognises, module.read) for module in sorted(_MODULES, key=lambda module: float(module.PLACE))
 )
 """The first that recognises a file reads it."""
 

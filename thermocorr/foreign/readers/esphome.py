@@ -18,6 +18,7 @@ _STATE = re.compile(
     r".*\[sensor(?::\d+)?\]: '(?P<name>[^']+)'(?:: Sending state| >>) (?P<value>\S+) ?(?P<unit>\S*?)"
     r"(?:\x1b\[[\d;]*m)?(?: with \d+ dec.*)?\s*"
 )
+PLACE = 2.0
 
 
 def recognises(lines: Sequence[str]) -> bool:

@@ -9,6 +9,8 @@ import pandas as pd
 
 from ...records import RecordError
 
+PLACE = 1.0
+
 
 def recognises(lines: Sequence[str]) -> bool:
     """True if the first lines are objects of JSON."""

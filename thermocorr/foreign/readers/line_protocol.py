@@ -18,6 +18,7 @@ from ..long_form import wide
 _SET = r'[^,= ]+=(?:"[^"]*"|[^,= ]+)'
 _LINE = re.compile(rf"(?P<name>[^,= ]+)(?P<tags>(?:,{_SET})*) (?P<fields>{_SET}(?:,{_SET})*) (?P<time>\d+)")
 _FIELD = re.compile(r'([^,= ]+)=("[^"]*"|[^,= ]+)')
+PLACE = 3.0
 
 
 def recognises(lines: Sequence[str]) -> bool:

@@ -19,6 +19,7 @@ _PAIR = re.compile(
     rf"(?P<name>[^\W\d][\w .°/%()]{{0,40}}?)\s?[:=]\s{{0,3}}(?P<value>{_NUMBER}|nan)"
     r"(?P<unit>\s?[^\s\d,;:=]+(?=[,;\t]|$))?"
 )
+PLACE = 4.0
 
 
 def recognises(lines: Sequence[str]) -> bool:

@@ -12,7 +12,7 @@ from ..effects import StaticPolynomial
 from ..effects.protocol import Effect
 from ..equations import RidgeSolution
 from ..records import Record
-from .flat import flat_columns
+from .coverage import flat_columns
 from .prior import LawPrior, check_like
 from .reading import Reading
 from .time_constants.search import unresolved
@@ -78,7 +78,7 @@ def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPri
     `model` (DynamicBiasRegressor). `record` (Record): What it was fitted to. `solution` (RidgeSolution). `prior`
     (LawPrior, optional): What other devices told of this one.
     """
-    said = [model.run_levels_.note] if model.run_levels_.note else []
+    said = [model._run_levels.note] if model._run_levels.note else []
     if model.degree_ < model.degree:
         low, high = model.degree_ + 1, model.degree
         powers = f"(T - T0)^{low}" if low == high else f"(T - T0)^{low} to (T - T0)^{high}"
