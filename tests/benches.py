@@ -1,7 +1,5 @@
 """Workbenches without a screen, for tests: what brings them to rest, and what they show."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

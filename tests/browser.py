@@ -1,7 +1,5 @@
 """A headless Chromium for tests of pages, skipped where there is none; what a report page shows in it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

@@ -1,7 +1,5 @@
 """Shared records for tests, and what draws them."""
 
-from __future__ import annotations
-
 import gc
 import os
 from pathlib import Path

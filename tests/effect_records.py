@@ -1,7 +1,5 @@
 """Examples of every kind of effect, and small records to try them on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from sklearn.base import clone

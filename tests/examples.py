@@ -6,8 +6,6 @@ has it, so that it fails for what was changed and for nothing else). A long rand
     THERMOCORR_EXAMPLES=50 python -m pytest tests/test_online.py tests/test_averages.py tests/test_lags.py
 """
 
-from __future__ import annotations
-
 import os
 
 from hypothesis import settings

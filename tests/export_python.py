@@ -1,7 +1,5 @@
 """A second language for exports, as an example: plain Python. All that is particular to it stands in this file."""
 
-from __future__ import annotations
-
 import keyword
 
 from thermocorr.firmware import statements as f

@@ -1,7 +1,5 @@
 """Exported C against the model: records, a driver that reads and writes binary files, compilers."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import dataclass

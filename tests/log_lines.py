@@ -1,7 +1,5 @@
 """A log behind the rows of a fitted model, line by line, and what a file of results holds of it."""
 
-from __future__ import annotations
-
 from thermocorr import DynamicBiasRegressor, save_model
 from thermocorr.datasets import make_record
 

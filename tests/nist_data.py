@@ -4,8 +4,6 @@ Source: National Institute of Standards and Technology, https://www.itl.nist.gov
 is kept as the text that was published, so that exact arithmetic starts from the decimals and not from their doubles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Simulated devices under noises of our own, with the bias that is true."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 

@@ -5,8 +5,6 @@
 writes what the code prints now into the page (look at the difference before you keep it).
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

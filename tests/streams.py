@@ -1,7 +1,5 @@
 """Streams for a live corrector, and whether what it says of them agrees with the whole record."""
 
-from __future__ import annotations
-
 import numpy as np
 from effect_records import log
 

@@ -1,7 +1,5 @@
 """Which correction, if any: what `analyze` begins with, and what `compare_variants(...).best_` is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The answer to a record: sixteen lines, JSON, page and workbench tell the same, in the same order."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -94,11 +92,6 @@ def test_too_short_a_record_is_answered(tmp_path, capsys):
     assert main([*command, "--variant", "dynamic-linear"]) == 0
     said = capsys.readouterr().out
     assert fits(said) and "cannot be told: the record is too short" in said
-
-
-def labels_of(html):
-    table = re.search(r'<table class="causes">.*?</table>', html, re.S)
-    return [] if table is None else re.findall(r"<tr><td><strong>(.*?)</strong>", table[0], re.S)
 
 
 @pytest.mark.long

@@ -1,7 +1,5 @@
 """Moving average and tracked reference of a live corrector, alone: every cut of a stream gives the same numbers."""
 
-from __future__ import annotations
-
 import math
 from itertools import cycle, pairwise
 
@@ -96,9 +94,6 @@ def test_a_reset_forgets():
     average.many(np.array([5.0, 6.0]))
     average.reset()
     assert average.one(1.0) == 1.0
-
-
-# -------------------------------------------------------------------------------------------------------------- tracker
 
 
 def tracked(seconds, values, trusted, tau, start):

@@ -1,7 +1,5 @@
 """Bad input through Python: every case raises a message that names place and remedy; none returns numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -159,6 +157,7 @@ CASES = {
     "no alphas": (lambda: search(alphas=[]), "'alphas' parameter"),
     "negative alphas": (lambda: search(alphas=[-1.0]), "'alphas' parameter.*-1"),
     "alphas in words": (lambda: search(alphas="many"), "'alphas' parameter.*'many'"),
+    "no candidates": (lambda: search(candidates=[]), "'candidates' parameter is empty"),
     "one number as candidates": (lambda: search(candidates=5), "'candidates' parameter.*5"),
     "sets and times as candidates": (lambda: search(candidates=[300.0, [3.0]]), "'candidates' parameter.*300"),
     "confidence in percent": (lambda: allan_deviation(np.arange(9.0), confidence=95), "'confidence' parameter.*95"),
@@ -180,7 +179,3 @@ def test_bad_input_is_refused_with_place_and_remedy(case):
     attempt, message = CASES[case]
     with pytest.raises((ValueError, TypeError, FileNotFoundError, NotFittedError), match=f"(?s){message}"):
         attempt()
-
-
-def test_there_are_at_least_forty_cases():
-    assert len(CASES) >= 40

@@ -1,7 +1,5 @@
 """Columns of single segments beside shared ones: eliminated one by one, they are what one triangle of all says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

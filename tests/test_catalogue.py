@@ -1,7 +1,5 @@
 """The catalogue of effects: what each kind says, tries, promises and refuses."""
 
-from __future__ import annotations
-
 import inspect
 import pickle
 from collections import Counter
@@ -38,8 +36,6 @@ from thermocorr.effects import (
     Step,
 )
 from thermocorr.records import Layout, read_record
-
-# --------------------------------------------------------------------------------------- the catalogue
 
 
 def test_the_catalogue_is_the_one_that_was_promised():
@@ -118,9 +114,6 @@ def test_squares_are_tried_where_they_are_no_copies():
     assert tried == [("current", 1), ("current", 2), ("mains", 1), ("heater", 1)]  # on or off, it is its own square
     assert {effect.power for effect in LaggedCovariate.candidates(record, ["heater"])} == {1}
     assert not SaturatingCovariate.candidates(record, ["heater"])
-
-
-# --------------------------------------------------------------------------------------------- contracts
 
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)

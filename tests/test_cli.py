@@ -1,7 +1,5 @@
 """The command `thermocorr analyze`: good runs, and bad ones that end with one sentence."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -144,11 +142,6 @@ def test_two_columns_for_one_role_are_refused(command, option, log, capsys):
     assert end.value.code == 2
     said = f"argument {option}: one column, not 'reading' and 'room'. Run the command once for each"
     assert said in " ".join(capsys.readouterr().err.split())
-
-
-def test_the_first_line_says_whether_to_use_the_correction(log, capsys):
-    assert analyze(log, "--out", str(log.parent / "first")) == 0
-    assert capsys.readouterr().out.startswith("Use the dynamic")
 
 
 def test_uncertainties_of_a_corrected_log(log, tmp_path, capsys):

@@ -1,7 +1,5 @@
 """Readings with few digits, and readings that are none: neither is a cause, and neither is white noise."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """scikit-learn's ways of composing estimators: each runs, or refuses in one sentence that says what to do."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import warnings
@@ -9,7 +7,6 @@ import warnings
 import joblib
 import numpy as np
 import pytest
-import sklearn
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer, TransformedTargetRegressor
 from sklearn.dummy import DummyRegressor
@@ -128,9 +125,6 @@ RUN = {
     ),
     "partial_dependence": lambda: partial_dependence(model().fit(X, y), X, ["temperature"])["average"],
     "joblib": lambda: joblib.Parallel(2)(joblib.delayed(fitted)(model()) for _ in range(2))[0],
-    "pandas output": lambda: features().set_output(transform="pandas").fit_transform(X).to_numpy(),
-    "polars output": lambda: features().set_output(transform="polars").fit_transform(X).to_numpy(),
-    "a configuration of pandas output": lambda: _configured(),
     "names of the features": lambda: features().fit(X).get_feature_names_out(),
     "score": lambda: model().fit(X, y).score(X, y),
     "score with weights": lambda: model().fit(X, y).score(X, y, sample_weight=np.ones(len(y))),
@@ -142,11 +136,6 @@ RUN = {
     "metadata routing": lambda: str(model().get_metadata_routing()),
     "a picture of itself": lambda: model()._repr_html_(),
 }
-
-
-def _configured():
-    with sklearn.config_context(transform_output="pandas"):
-        return fitted(make_pipeline(features(), Ridge()))
 
 
 def fitted_arrays():
@@ -161,8 +150,6 @@ def split_in_time():
 
 @pytest.mark.parametrize("name", RUN)
 def test_it_runs(name):
-    if name == "polars output":
-        pytest.importorskip("polars", reason="polars frames need polars: pip install '.[test]'")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = RUN[name]()

@@ -1,7 +1,5 @@
 """The command `thermocorr correct`: whole logs, streams of lines, logs that grow, and what is wrong with them."""
 
-from __future__ import annotations
-
 import io
 import os
 import signal
@@ -79,17 +77,6 @@ def test_a_table_whose_index_has_no_name_has_its_times_in_a_column_time(lab, tmp
     assert correct(lab, tmp_path / "log.parquet") == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("time,") and printed.err == ""
-
-
-def test_what_analyze_has_written_corrects_the_log_alike(lab, tmp_path, capsys):
-    folder, _, _log = lab
-    arguments = ["--reading", "reading", "--time-constants", "10min,2h", "--quiet", "--out", str(tmp_path)]
-    assert main(["analyze", str(folder / "log.csv"), *arguments]) == 0
-    capsys.readouterr()
-    assert main(["correct", "--model", str(tmp_path / "model.json"), str(folder / "log.csv")]) == 0
-    live = pd.read_csv(io.StringIO(capsys.readouterr().out))
-    whole = pd.read_csv(tmp_path / "corrected.csv")
-    np.testing.assert_allclose(live["corrected"], whole["corrected"], rtol=1e-13)
 
 
 def test_columns_in_any_order_under_other_names(lab, tmp_path, capsys):
@@ -231,9 +218,6 @@ def test_the_model_must_be_named(lab, capsys):
         main(["correct", str(lab[0] / "log.csv")])
     assert end.value.code == 2
     assert "the following arguments are required: --model" in capsys.readouterr().err
-
-
-# ------------------------------------------------------------------------------------------ in a process of its own
 
 
 def started(lab, *more, stdin=None):

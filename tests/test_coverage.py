@@ -1,7 +1,5 @@
 """Temperatures that a record covers: powers that they do not determine, and rows between them."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 

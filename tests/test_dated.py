@@ -1,7 +1,5 @@
 """What begins at a date, wherever it does: closed forms, names, and how well dates are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Diagnosis and refinement: a small part of `benchmarks/hidden_effects.py`, on seeds that served for no tuning."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from dataclasses import replace

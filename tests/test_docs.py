@@ -1,7 +1,5 @@
 """What the documentation promises about itself: every equation, effect and public name is in it."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """Other people's tools: skops, cloudpickle, joblib, scikit-learn's output settings, polars."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import sys
@@ -39,9 +37,6 @@ def lab():
 @pytest.fixture(scope="module")
 def model(lab):
     return DynamicBiasRegressor(time_constants=[300.0, 7200.0]).fit(*lab)
-
-
-# ------------------------------------------------------------------------------------------------------- persistence
 
 
 def through_skops(estimator):
@@ -108,9 +103,6 @@ def test_a_searched_model_does_not_carry_its_record_twice(lab):
     assert size < X["temperature"].to_numpy().nbytes
 
 
-# --------------------------------------------------------------------------------------- scikit-learn's output settings
-
-
 @pytest.mark.parametrize("kind", ["pandas", "polars"])
 def test_output_settings(kind, lab, model):
     X, y = lab
@@ -130,9 +122,6 @@ def test_output_settings(kind, lab, model):
         spline = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X, y)
     expected = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X, y)
     np.testing.assert_array_equal(spline.predict(X), expected.predict(X))
-
-
-# ------------------------------------------------------------------------------------------------------- polars frames
 
 
 @pytest.fixture(scope="module")
@@ -205,9 +194,6 @@ def test_search_comparison_and_diagnosis_take_polars_frames(lab, polars):
     pd.testing.assert_frame_equal(table, compare_variants(X, y, model=model).frame())
     found = diagnose(clone(model).set_params(time="time").fit(frame, readings), frame, readings)
     assert str(found.verdict) == str(diagnose(model.fit(X, y), X, y).verdict)
-
-
-# --------------------------------------------------------------------------------------------- tables of other packages
 
 
 @pytest.mark.parametrize("kind", ["pyarrow", "duckdb", "polars.lazy"])

@@ -1,7 +1,5 @@
 """What seldom comes: types at their edges, times of other kinds, samples far beyond the fit."""
 
-from __future__ import annotations
-
 import json
 import math
 from datetime import datetime
@@ -29,27 +27,12 @@ from thermocorr.records.files import read_table
 from thermocorr.records.numbers import as_numbers
 from thermocorr.records.times import Times
 
-# ------------------------------------------------------------------------------------------------- types at their edges
-
 
 def test_whole_numbers_beyond_all_floats_are_infinite_and_text_beside_them_is_none():
     with pytest.raises(RecordError, match="infinity in row 1"):
         as_numbers(np.array([1, 10**400, "3"], dtype=object), "It", "temperature")
     with pytest.raises(RecordError, match=r"not a number in row 2: 'warm' \(1 such row"):
         as_numbers(np.array([1, 10**400, "warm", None], dtype=object), "It", "temperature")
-
-
-def test_bytes_are_no_times():
-    X = pd.DataFrame({"temperature": [1.0, 2.0], "t": [b"2024-01-01", b"2024-01-02"]})
-    with pytest.raises(RecordError, match="holds a bytes in row 0"):
-        read_record(X, Layout("temperature", time="t"))
-
-
-def test_a_sampling_period_beside_times_is_not_used():
-    X = stream(60, 1, holes=False)[0]
-    with pytest.warns(RecordWarning, match="times of their own: sampling_period is not used"):
-        record = read_record(X, Layout("temperature", sampling_period=7.0))
-    assert record.usual_step() == read_record(X, Layout("temperature")).usual_step() != 7.0
 
 
 def test_a_guessed_temperature_is_said_where_the_user_called():
@@ -99,9 +82,6 @@ def test_bytes_are_no_dates_whether_they_stand_once_or_often(kind, tmp_path):
     parquet.write_table(pa.table({"time": times, "temperature": [20.0, 21.0, 22.0]}), tmp_path / "t.parquet")
     with pytest.raises(RecordError, match=r"holds a bytes in row 0. Give dates, spans or seconds"):
         read_record(read_table(tmp_path / "t.parquet"), Layout("temperature", time="time"))
-
-
-# ----------------------------------------------------------------------------------------------------- live corrections
 
 
 @pytest.mark.parametrize("T", [1e39, -1e39])
@@ -177,17 +157,6 @@ def test_dates_that_no_clock_reaches_are_refused_in_a_sentence(far):
     live = OnlineCorrector(DynamicBiasRegressor(time_constants=[300.0]).fit(X, y))
     with pytest.raises(RecordError, match=r"A sample's time is .*8\d*024-01-01.*\. Times may lie between 1880"):
         live.update(far, 23.0, 1.0)
-
-
-def test_an_open_stream_without_a_last_time_is_no_state():
-    X, y = stream(200, 5, holes=False)
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X[:150], y[:150])
-    live = OnlineCorrector(model)
-    live.update_many(X[150:], y[150:])
-    state = json.loads(json.dumps(live.state()))
-    state["state"]["last"] = None
-    with pytest.raises(ValueError, match=r"\.last holds null where a time belongs"):
-        OnlineCorrector.from_state(model, state)
 
 
 def test_rows_between_the_fitted_ones_are_not_taken_for_theirs():

@@ -1,7 +1,5 @@
 """A second language of the export is one file: Python, which stands beside the tests and is run here."""
 
-from __future__ import annotations
-
 import ast
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Measured records that are fetched: checked, kept, and refused in one sentence where something is wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The one writer: inputs and other people's files stay, outputs appear whole, a set of them together."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import stat
@@ -260,9 +258,6 @@ def test_devices_are_written_to_at_once(tmp_path):
             write_file("/dev/full", "x")
 
 
-# ------------------------------------------------------------------------------------------------------- appended rows
-
-
 def test_rows_are_appended_and_taken_up_again(tmp_path):
     path = tmp_path / "rows.csv"
     file = AppendedFile.new(path)
@@ -358,18 +353,6 @@ def test_a_named_pipe_is_opened_once(pipe, monkeypatch):
     while not got and time.monotonic() < end:
         time.sleep(0.001)
     assert got[:1] == [b"head\n1\n"]
-
-
-@named_pipes
-def test_a_pipe_that_nobody_reads_any_more_is_broken(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
-    file = AppendedFile.new(tmp_path / "pipe", first=b"head\n")
-    assert os.read(reader, 100) == b"head\n"
-    os.close(reader)
-    with pytest.raises(BrokenPipeError):
-        file.write(b"1\n")
-    file.close()
 
 
 @pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="no names for descriptors here")

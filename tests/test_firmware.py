@@ -1,7 +1,5 @@
 """Export to C: what the compiled code answers, against the model, and what it costs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -37,9 +35,6 @@ def simple():
 @pytest.fixture(scope="module")
 def with_columns():
     return fitted([Covariate("humidity"), Rate(), Drift(True)])
-
-
-# ------------------------------------------------------------------------- the same numbers as the model gives
 
 
 @pytest.mark.newest
@@ -191,9 +186,6 @@ def test_fused_multiply_adds_do_no_harm(variable, tmp_path):
         assert error < BOUNDS[dtype]
 
 
-# ------------------------------------------------------------------------------------------ costs
-
-
 def test_a_model_of_the_papers_size_is_small(tmp_path):
     model, _ = fitted(**KINDS["thermal_lag, paper's size"])
     export = export_c(model, tmp_path)
@@ -212,9 +204,6 @@ def test_equal_lags_are_computed_once(tmp_path, simple):
     model, _ = fitted([LagProducts([200.0, 2000.0]), Rate(200.0)])
     more = export_c(model, tmp_path)
     assert more.state_bytes == plain.state_bytes
-
-
-# -------------------------------------------------------------------------------- missing inputs, starts, steps
 
 
 @needs_gcc

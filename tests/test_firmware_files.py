@@ -1,7 +1,5 @@
 """Export to C: what is refused, what stands in the files, what compilers and checkers say of them, command line."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings
@@ -31,8 +29,7 @@ from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, save_mo
 from thermocorr.command import cli
 from thermocorr.effects import Covariate, Delay, Drift, Effect, Rate, ThermalLag
 from thermocorr.firmware import export_c
-from thermocorr.firmware.c99 import C99, comment, number
-from thermocorr.firmware.target import identifier
+from thermocorr.firmware.c99 import number
 
 pytestmark = pytest.mark.newest
 
@@ -46,9 +43,6 @@ def simple():
 @pytest.fixture(scope="module")
 def with_columns():
     return fitted([Covariate("humidity"), Rate(), Drift(True)])
-
-
-# --------------------------------------------------------------------------------------------- refusals, warnings
 
 
 class Fan(Effect):
@@ -118,9 +112,6 @@ def test_bad_parameters(tmp_path, simple):
         number(1e-42, "float")
 
 
-# ------------------------------------------------------------------------------------------ names and digits
-
-
 def test_numbers_keep_all_their_digits():
     rng = np.random.default_rng(0)
     for value in (*rng.normal(size=200) * 10.0 ** rng.integers(-30, 30, 200), 0.0, 1.0, -3e8):
@@ -128,23 +119,6 @@ def test_numbers_keep_all_their_digits():
         single = number(value, "float")
         assert single.endswith("f") and np.float32(single[:-1]) == np.float32(value)
         assert any(mark in single for mark in ".e")  # a floating-point literal
-
-
-def test_names_of_the_user_stay_inside_their_comments():
-    nasty = 'a */ int x; /* "\\\n??/ \N{DEGREE SIGN}C'
-    said = comment(nasty)
-    assert "*/" not in said and "/*" not in said and "\n" not in said and "??" not in said and "\\" not in said
-    assert said.isascii() and said.isprintable()
-    taken = set()
-    names = [
-        identifier(text, C99.keywords, taken)
-        for text in ("Température (°C)", "temperature c", "TEMPERATURE_C", "int", "9 V", "")
-    ]
-    assert len({name.lower() for name in names}) == 6
-    assert all(name.isidentifier() and name.isascii() for name in names)
-
-
-# --------------------------------------------------------------------------------------- self-test, other tools
 
 
 def build_selftest(export, command, output):
@@ -235,9 +209,6 @@ def test_an_emulated_arm_gives_the_same(dtype, tmp_path, everything):
     assert error < BOUNDS[dtype]
     program = build_selftest(export, command, tmp_path / "test")
     subprocess.run(["qemu-arm", program], check=True, capture_output=True)
-
-
-# ------------------------------------------------------------------------ models from a file, command line
 
 
 def test_command_line(tmp_path, with_columns, monkeypatch, capsys):

@@ -1,7 +1,5 @@
 """`thermocorr analyze FILE` on a first file: right at once, or asked back with an option that works."""
 
-from __future__ import annotations
-
 import argparse
 import warnings
 

@@ -1,7 +1,5 @@
 """What a newcomer meets in the first hour, in Python and on the command line: read as it is meant, or one sentence."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -45,9 +43,6 @@ def as_csv(folder, frame, name="log.csv"):
 
 def analyze(path, *more):
     return main(["analyze", path, "--time-constants", "5min,90min", "--quiet", *more])
-
-
-# ------------------------------------------------------------------------------------ a column that is called "T"
 
 
 def test_a_column_that_is_named_as_something_else_is_not_the_time(record, tmp_path, capsys):
@@ -96,9 +91,6 @@ def test_a_session_of_several_files_keeps_what_is_no_time(record, tmp_path):
     pd.testing.assert_frame_equal(again.source.frame, source.frame)
 
 
-# ------------------------------------------------------------------------------------- a gap shorter than a step
-
-
 @pytest.mark.parametrize("time_constants", ["auto", ["5 min"]])
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_gap_shorter_than_the_step_is_refused(record, time_constants, timed):
@@ -120,13 +112,6 @@ def test_rows_that_are_far_apart_can_be_corrected(record):
     X, y = record[["temperature"]], record["reading"]
     model = DynamicBiasRegressor("temperature", ["5 min"], max_gap="3 min").fit(X, y)
     assert np.isfinite(model.correct(X[::10], y[::10])).all()
-
-
-def test_the_command_refuses_a_gap_shorter_than_the_step(record, tmp_path, capsys):
-    log = as_csv(tmp_path, record.reset_index()[["time", "temperature", "reading"]])
-    assert analyze(log, "--max-gap", "10s") == 2
-    said = capsys.readouterr().err
-    assert said.startswith("thermocorr: error: The 'max_gap' parameter must be longer") and said.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -151,9 +136,6 @@ def test_more_names_of_times_are_known(name, record, tmp_path):
     log = record.reset_index()[["time", "temperature", "reading"]].rename(columns={"time": name})
     assert analyze(as_csv(tmp_path, log), "--out", str(tmp_path / "out")) == 0
     assert load_model(tmp_path / "out" / "model.json").time == name
-
-
-# ------------------------------------------------------------------------------------- numbers that are Unix times
 
 
 def with_unix_times(record, unit):
@@ -190,9 +172,6 @@ def test_unix_times_in_a_parquet_log_are_told_from_seconds(record, tmp_path):
     log = ParquetLog(tmp_path / "log.parquet")
     with pytest.raises(RecordError, match="Unix times in ms"):
         DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(log, log["reading"])
-
-
-# ------------------------------------------------------------------------------------------ what an index may hold
 
 
 def told(frame, y, **own):
@@ -255,9 +234,6 @@ def test_numbers_of_rows_are_no_news(record):
     assert "The data have no times" in said and "The index" not in said
 
 
-# ------------------------------------------------------------------------------------------------- a damaged time
-
-
 def moved(record, rows, by):
     times = record.index.to_series()
     times.iloc[rows] += pd.Timedelta(by)
@@ -305,9 +281,6 @@ def test_a_run_behind_another_is_no_row_far_ahead(record):
         DynamicBiasRegressor("temperature", ["5 min"]).fit(X, np.zeros(ROWS))
 
 
-# ------------------------------------------------------------------------------------------------- spans in text
-
-
 @pytest.mark.parametrize(
     ("text", "seconds"),
     [("1 d", 86_400), ("1d 2h", 93_600), ("1.5 D", 129_600), ("2 w", 1_209_600), ("3 H", 10_800), ("4 S", 4),
@@ -328,14 +301,6 @@ def test_spans_are_read_without_a_warning_of_pandas(record, text, seconds):
 def test_units_that_only_some_versions_of_pandas_know_are_refused(text):
     with pytest.raises(ValueError, match="must be a positive time: seconds, or a span such as '15 min'"):
         seconds_of(text, "span")
-
-
-def test_a_date_is_no_span_with_odd_units(record):
-    read = read_record(record, Layout("temperature"), quiet=True)
-    assert since_start(record.index[60].isoformat(), read) == 3600
-
-
-# --------------------------------------------------------------------------------------------------- missing values
 
 
 def test_missing_values_are_told_with_column_and_time(record):

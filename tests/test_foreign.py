@@ -1,7 +1,5 @@
 """Logs as other programs write them: right numbers, or a sentence that says what to pass; nothing silently wrong."""
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import io

@@ -1,7 +1,5 @@
 """Foreign logs through `correct`: whole, and line by line while they grow."""
 
-from __future__ import annotations
-
 import functools
 import io
 import re

@@ -1,7 +1,5 @@
 """The compiled pass against the walk block by block, and against an extended-precision solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -177,12 +175,6 @@ def test_what_starts_of_many_runs_hold_is_taken_out(both):
     assert_same(*both(X, y, [StaticPolynomial(2), ThermalLag(TAUS)], {"run": "run"}, InitialTransient(TAUS, 1.0)))
 
 
-def test_each_run_has_decays_of_its_own(both):
-    record = make_record(6000, seed=3)
-    X, y = record[["temperature"]].assign(run=np.arange(6000) // 400), record["reading"]
-    assert_same(*both(X, y, [StaticPolynomial(2), ThermalLag(TAUS), InitialTransient(TAUS, 0.3)], {"run": "run"}))
-
-
 @pytest.mark.filterwarnings("ignore")  # of gaps
 @pytest.mark.parametrize("weighted", [False, True])
 def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatch):
@@ -196,9 +188,6 @@ def test_a_model_is_the_same_with_and_without_compiled_code(weighted, monkeypatc
     assert np.abs((compiled.coef_ - walked.coef_) / errors[1:]).max() < 1e-6
     np.testing.assert_allclose(compiled._standard_errors(), errors, rtol=1e-6)
     np.testing.assert_allclose(compiled.predict(X), walked.predict(X), rtol=0, atol=1e-10)
-
-
-# ------------------------------------------------------------------------------------------------------------ precision
 
 
 def exact(Q, U):

@@ -4,8 +4,6 @@
 number that Python's own `float` reads.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from contextlib import nullcontext
@@ -45,8 +43,6 @@ def read(tmp_path):
 
     return run
 
-
-# -------------------------------------------------------------------------------------------------------------- cells
 
 NO_NUMBERS = [
     "1_000", "0x10", "1e400", "1e160", "-1e308", "1.0000001e40", "9" * 41, "2,5", "1.2.3",
@@ -152,8 +148,6 @@ def test_a_number_keeps_every_digit(cell, read, correct):
     else:
         assert float(row[4]) == float(cell) - float(row[5])  # corrected is the reading less the bias
 
-
-# -------------------------------------------------------------------------------------------------------------- lines
 
 LINES = {
     "a field more": lambda line: line.replace(b",", b",7,", 1),
@@ -293,8 +287,6 @@ def test_a_header_of_a_megabyte_is_none(names, correct, read):
         read(content)
 
 
-# -------------------------------------------------------------------------------------------------------------- times
-
 NO_TIMES = [
     "8024-03-04T00:20:30", "2262-04-12T00:00:00", "1677-01-01T00:00:00", "9999-12-31T23:59:59", "10000-01-01T00:00:00",
     "2024-03-04T24:20:30", "2024-03-04T00:20:60", "2024-02-30T00:00:00", "2024-13-01T00:00:00", "now", "today", "NaT",
@@ -374,9 +366,6 @@ def test_spans_in_a_column_of_seconds_are_seconds(correct, tmp_path):
     if shown.status == 0:  # or the rows are left out
         expected = model.correct(frame[HEADER[:2]], frame["reading"])
         np.testing.assert_allclose([float(row[4]) for row in shown.rows], expected, rtol=1e-12)
-
-
-# -------------------------------------------------------------------------------------------------------------- pipes
 
 
 @pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="no names for descriptors here")

@@ -1,7 +1,5 @@
 """Every Python block of the guide runs, and prints what the guide says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

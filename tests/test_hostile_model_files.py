@@ -1,7 +1,5 @@
 """Damaged, foreign and forged model files: refused in a sentence, or harmless."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

@@ -1,7 +1,5 @@
 """The house rules of CONTRIBUTING.md that a machine can read: floors, circles, length of files."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import subprocess

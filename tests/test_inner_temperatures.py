@@ -1,7 +1,5 @@
 """Temperatures inside of the device: those that a simulated device had."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

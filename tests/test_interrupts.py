@@ -1,7 +1,5 @@
 """Signals at the worst places, lines being written, full disks: nothing torn, nothing left behind."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil
@@ -42,9 +40,6 @@ def interrupts():
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     return model_and_lines(tmp_path_factory.mktemp("lab"))
-
-
-# ---------------------------------------------------------------------------------------------------------- signals
 
 
 @unix
@@ -227,9 +222,6 @@ def test_a_stopped_command_leaves_no_draft(lab, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
-# ------------------------------------------------------------------------------------------------- lines being written
-
-
 def test_a_line_that_is_being_written_is_not_complained_of_when_the_command_stops(tmp_path, monkeypatch):
     monkeypatch.setattr("thermocorr.command.lines.POLL", 0.001)
     (tmp_path / "log.csv").write_bytes(b"a\nb\nhal")
@@ -264,9 +256,6 @@ def test_a_torn_last_line_is_counted_once(lab, tmp_path, capsys):
     assert cli.main(command) == 1
     assert "line 14 is left out: it has 1 field" in capsys.readouterr().err
     assert rows_of(tmp_path / "o.csv") == plain(lab[1][1:13])
-
-
-# ------------------------------------------------------------------------------------------------------- full disks
 
 
 def no_links(*given, **named):

@@ -1,7 +1,5 @@
 """The parts of judgement against closed forms and plain computations: noise, likelihood, steps, later data."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

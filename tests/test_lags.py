@@ -1,7 +1,5 @@
 """The lag recursion, eqs. (17) (18) (19) (25), against closed forms, an ODE solver and extended precision."""
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 
 import numpy as np
@@ -47,9 +45,6 @@ def in_extended_precision(temperature, steps, time_constants, hold, state):
         before = T[k]
         rows.append(d)
     return np.array(rows)
-
-
-# ---------------------------------------------------------------------------------------------- closed forms
 
 
 @pytest.mark.parametrize("tau", [1.5, 40.0, 3600.0])
@@ -138,9 +133,6 @@ def test_offset_of_300_kelvin_costs_nothing():
     assert np.array_equal(shifted, small)
 
 
-# -------------------------------------------------------------------------------- state in, state out, to the last bit
-
-
 @pytest.mark.parametrize("hold", HOLDS)
 @STEPS
 @examples(25)
@@ -217,9 +209,6 @@ def test_returned_state_survives_what_happens_to_the_columns():
     assert np.array_equal(state.lag_difference, last)
 
 
-# ------------------------------------------------------------------------------------------------ linearity and gain
-
-
 @pytest.mark.parametrize("hold", HOLDS)
 @examples(25)
 @given(a=st.floats(-3, 3), b=st.floats(-3, 3), seed=st.integers(0, 1000))
@@ -248,9 +237,6 @@ def test_equilibrium_stays_exactly_at_rest():
     tau = np.geomspace(1.0, 1e6, 5)
     d, _ = lag_differences(np.full(100, 21.3), some_steps(100, False), tau, equilibrium(21.3, tau))
     assert not d.any()
-
-
-# --------------------------------------------------------------------------------------------------- the paper's form
 
 
 def paper_form(lag_difference, temperature, time_constants):
@@ -282,9 +268,6 @@ def test_paper_form_spans_the_same_space():
         fits.append(matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0])
     # atol: the target is 60, the paper's columns are nearly parallel (condition about 1e5), so 60 * 1e5 * eps
     np.testing.assert_allclose(fits[0], fits[1], rtol=0, atol=1e-9)
-
-
-# ----------------------------------------------------------------------------------------------- factors and decays
 
 
 def test_gain_is_right_on_both_sides_of_the_series_threshold():

@@ -1,7 +1,5 @@
 """Later rows tied to the fitted record: the same bits, whether they repeat it, follow on it or come after a gap."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

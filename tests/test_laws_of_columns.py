@@ -1,7 +1,5 @@
 """Which law a recorded column acts by: as it is, late, its square, or the square of its distance from its mean."""
 
-from __future__ import annotations
-
 import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose

@@ -1,7 +1,5 @@
 """A reading that runs ahead of its thermometer: columns, who refuses them, and what is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from effect_records import columns_of, learned, log, whole
@@ -60,15 +58,6 @@ def ahead(seed, lead, noise=None):
     late = np.interp(seconds - lead, seconds, record["temperature"])
     kept = seconds > lead
     return record.drop(columns="reading").assign(temperature=late)[kept], record["reading"][kept]
-
-
-def test_shifting_the_column_does_as_well():
-    """What the docstring tells those who correct live: the column shifted by the lead, and no effect at all."""
-    X, y = ahead(407, 600.0)
-    shifted = X.assign(temperature=X["temperature"].shift(-10)).iloc[:-10]
-    model = DynamicBiasRegressor("temperature").fit(shifted, y[:-10])
-    with_lead = DynamicBiasRegressor("temperature", effects=[Lead("10 min", ["4 min", "24 min", "2 h"])]).fit(X, y)
-    assert model.residual_std_ == pytest.approx(with_lead.residual_std_, rel=0.1)
 
 
 @pytest.mark.parametrize("irregular", [0.0, 0.5])

@@ -1,7 +1,5 @@
 """Merged triangular factors and ridge, eqs. (11)-(13) (30)-(32), against scikit-learn, lstsq and extended precision."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from examples import examples
@@ -48,9 +46,6 @@ def same_up_to_signs(one, two, rtol=1e-12):
     signs = np.sign(np.diag(one)) * np.sign(np.diag(two))
     size = np.linalg.norm(two, axis=0)
     np.testing.assert_allclose(signs[:, None] * one / size, two / size, rtol=0, atol=rtol)
-
-
-# ------------------------------------------------------------------------------------------------------------ factors
 
 
 def test_factor_is_a_triangle_with_the_cross_products_of_the_rows():
@@ -110,9 +105,6 @@ def test_combined_is_the_factor_of_linear_combinations():
     np.testing.assert_allclose(part.r.T @ part.r, (rows @ combination).T @ (rows @ combination), rtol=1e-10)
 
 
-# ------------------------------------------------------------------------------------------------- ridge and intercept
-
-
 @pytest.mark.parametrize("alpha", [0.0, 1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("cuts", [(), (1, 2, 60, 499)])
 def test_ridge_is_that_of_scikit_learn_behind_a_standard_scaler(alpha, cuts):
@@ -165,9 +157,6 @@ def test_parts_per_million_of_a_large_reading_survive():
     np.testing.assert_allclose(predicted(solution, Q) - 99_998.0, predicted(small, Q), rtol=0, atol=5e-10)
 
 
-# ------------------------------------------------------------------------------------------------------ rank deficiency
-
-
 @pytest.mark.parametrize("block", [7, 500])
 @pytest.mark.parametrize("what", ["twice", "sum", "constant", "zero", "all of them", "fewer rows than columns"])
 def test_dependent_columns_predict_like_lstsq_with_finite_coefficients(what, block):
@@ -217,9 +206,6 @@ def test_constant_column_is_left_to_the_intercept(value, n, block):
     solution = solve_ridge(swept(Q, U, range(block, n, block)))
     assert solution.coef[0] == 0.0
     assert solution.rank == 1
-
-
-# ------------------------------------------------------------------------------------- neighbouring time constants
 
 
 def orthogonal_sweep(matrix, target):

@@ -1,7 +1,5 @@
 """A part of `benchmarks/live_cases.py`: random streams say what the whole record says."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections import Counter

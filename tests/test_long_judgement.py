@@ -1,7 +1,5 @@
 """Diagnosis and refinement of logs in files and of long records, which are averaged over short stretches first."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

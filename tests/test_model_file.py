@@ -1,7 +1,5 @@
 """Model files: bit for bit there and back, and nothing that is damaged or hostile gets in."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys
@@ -39,9 +37,6 @@ def same(one, other, X, y):
     pd.testing.assert_frame_equal(one.evaluate(X, y), other.evaluate(X, y), check_exact=True)
     np.testing.assert_array_equal(one.correct(X, y), other.correct(X, y))
     pd.testing.assert_frame_equal(one.contributions(X), other.contributions(X), check_exact=True)
-
-
-# ---------------------------------------------------------------------------------------------------- there and back
 
 
 @pytest.mark.parametrize("effect", EXAMPLES, ids=NAMES)
@@ -194,9 +189,6 @@ def signed(node):
     return sign({key: value for key, value in node.items() if key not in ("format", "version", "digest")}).decode()
 
 
-# --------------------------------------------------------------------------------------------------------- own effects
-
-
 class FanNoise(Effect):
     """A user's own effect, with a lag and with settings of several types."""
 
@@ -301,9 +293,6 @@ def test_what_cannot_be_written_is_named(tmp_path):
     with pytest.raises(ValueError, match="history_rows"):
         save_model(spline, tmp_path / "m.json", history_rows=0)
     assert list(tmp_path.iterdir()) == []
-
-
-# ---------------------------------------------------------------------------------------------- provenance, versions
 
 
 def test_provenance_knows_the_record(tmp_path):

@@ -1,7 +1,5 @@
 """What is no record, no fleet and no file is refused by its kind, in one sentence."""
 
-from __future__ import annotations
-
 import pytest
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, diagnose

@@ -3,8 +3,6 @@
 `notebooks/build.py --check` executes them; that takes minutes, and is a step of its own.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Live correction: the numbers of the whole record, however the samples arrive, stop and go on."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -88,9 +86,6 @@ def test_a_state_from_before_the_first_sample_begins_afresh(default):
     for part, values in ((X[900:910], y[900:910]), (X[:10].set_axis(early[:10]), y[:10].set_axis(early[:10]))):
         again = OnlineCorrector.from_state(model, json.loads(json.dumps(OnlineCorrector(model).state())))
         assert str(one_by_one(again, part, values)) == str(one_by_one(OnlineCorrector(model), part, values))
-
-
-# --------------------------------------------------------------------------------------------------------------- flags
 
 
 def test_flags_tell_every_reason(default):
@@ -204,9 +199,6 @@ def test_another_instrument_starts_afresh(default):
     assert live.update(X.index[900], 23.0, 1.0) == first
 
 
-# ------------------------------------------------------------------------------------------------ averages, tracked U0
-
-
 def test_the_moving_average_looks_back_over_corrected_readings(default):
     model, X, y = default
     X, y = X[900:], y[900:]
@@ -255,9 +247,6 @@ def test_bad_settings_are_named(default, bad):
         OnlineCorrector(default[0], **bad)
 
 
-# -------------------------------------------------------------------------------------------- bad calls, saved states
-
-
 def test_bad_calls_say_what_is_wrong(default):
     model, X, y = default
     live = OnlineCorrector(model)
@@ -297,9 +286,6 @@ def test_parquet_logs_and_transformers_live(default, tmp_path):
     agree(model, X[600:], y[600:], [s.corrected for s in single], [s.flag for s in single])
     with pytest.raises(RecordError, match=r"X has 100 rows and y has the shape \(99,\)"):
         OnlineCorrector(model).update_many(X[600:], y[601:])
-
-
-# ------------------------------------------------------------------------------------------------------------- speed
 
 
 @pytest.mark.parametrize("times", ["auto", ["5 min", "90 min"]], ids=["searched", "given"])

@@ -1,7 +1,5 @@
 """Live correction of every kind of effect and of time: the numbers of the whole record."""
 
-from __future__ import annotations
-
 import json
 import math
 from datetime import UTC, datetime, timedelta

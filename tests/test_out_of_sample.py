@@ -1,7 +1,5 @@
 """Errors on later data and on held-out blocks, against fits that are made anew, and what `refine` makes of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sklearn.linear_model import Ridge

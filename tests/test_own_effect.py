@@ -1,7 +1,5 @@
 """A user's effect of ten lines, from outside the package: whatever a kind of the catalogue has, it has."""
 
-from __future__ import annotations
-
 import json
 import pickle
 

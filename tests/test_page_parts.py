@@ -1,7 +1,5 @@
 """Parts of the page: series thinned out without hiding a spike, numbers in words, names made harmless."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -120,11 +118,6 @@ def test_places_are_written_as_a_person_writes_them(aspect, low, high, unit, sho
         assert place_text(row) == "where hour of day (UTC) is 18 to 20 h"
     if aspect == "lag difference":
         assert aspect_text(row) == "lag difference, 10 h [K]"
-
-
-def test_columns_with_the_names_of_other_aspects_stay_columns():
-    row = SimpleNamespace(aspect="column", column="time", time_constant=None, low=1.0, high=2.0, unit="")
-    assert place_text(row) == "where time is 1 to 2"
 
 
 def test_names_are_made_harmless_in_text_and_in_data():

@@ -1,7 +1,5 @@
 """Planted effects: the promised strength, a truth that adds up, formulas that agree with the effects."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """`products="auto"`: products of lags are added where they clearly help, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Progress of long work: who is told what, and bars in terminals alone."""
 
-from __future__ import annotations
-
 import io
 import sys
 

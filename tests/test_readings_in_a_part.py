@@ -1,7 +1,5 @@
 """Readings in a part of a record only: everything is judged where they are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

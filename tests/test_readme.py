@@ -1,7 +1,5 @@
 """Every Python block of the README runs, and prints what the README says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

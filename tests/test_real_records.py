@@ -1,7 +1,5 @@
 """Measured records: defaults against a naive script with hand-set time constants (skipped without the folder)."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

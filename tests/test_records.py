@@ -1,7 +1,5 @@
 """Records: times, segments and blocks from what users hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -26,8 +24,6 @@ def steps_of(record):
     """Steps [s] of the whole record in time order; NaN where a segment begins."""
     return np.concatenate([np.r_[np.nan, b.steps[1:]] if b.begins else b.steps for b in record.blocks(size=7)])
 
-
-# ----------------------------------------------------------------------------------------------------- kinds of times
 
 DATES = pd.date_range("2024-05-31T22:00:00.250", periods=N, freq="15s")
 FORMS = {
@@ -208,9 +204,6 @@ def test_name_that_stands_over_two_columns_is_refused(role):
         record_of(pd.concat((X, X[[role]]), axis=1), time="time", run="run")
 
 
-# ---------------------------------------------------------------------------------------------------------- segments
-
-
 def with_gap(n=N):
     return np.cumsum(np.r_[0.0, np.full(19, 10.0), 500.0, np.full(n - 21, 12.5)])
 
@@ -340,8 +333,6 @@ def test_blocks_cover_every_row_of_the_segments_once(size):
         assert np.array_equal(block.temperature, T[block.rows])
 
 
-# ------------------------------------------------------------------------------------------------------------ columns
-
 WHOLE = np.arange(N) % 9 + 15
 COLUMNS = {
     "int16": WHOLE.astype("int16"),
@@ -367,28 +358,3 @@ def test_columns_of_every_form_become_the_same_numbers(form):
     if form not in ("int16", "float32"):  # the other forms have a mark for missing values
         values = X["temperature"].mask(X.index.isin([4, 50]))
         assert record_of(values.to_frame()).skipped.tolist() == [4, 50]
-
-
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
-        (["21", "22", "warm", "cold"], r"not a number in row 2: 'warm' \(2 such rows in all\)"),
-        ([1.0, np.inf, 2.0, np.nan], r"contains infinity in row 1"),
-        ([1.0, 2.0, -np.inf, np.inf], r"contains infinity in row 2"),
-        ([1j, 0, 0, 0], r"Complex data not supported"),
-        (pd.date_range("2024", periods=4), r"holds times .* where numbers are needed"),
-    ],
-)
-def test_what_is_no_number_is_refused_by_row(values, said):
-    with pytest.raises(RecordError, match=said):
-        record_of(pd.DataFrame({"temperature": values}))
-    with pytest.raises(RecordError, match=said):
-        record_of(pd.DataFrame({"temperature": np.arange(4.0)}), y=pd.Series(values))
-
-
-def test_reading_with_other_times_or_another_length_is_refused():
-    X = pd.DataFrame({"temperature": temperatures()}, index=DATES)
-    with pytest.raises(RecordError, match="X and y have different times: in row 0"):
-        record_of(X, y=pd.Series(1.0, index=DATES + pd.Timedelta("1s")))
-    with pytest.raises(RecordError, match="X has 60 rows and y has 59"):
-        record_of(X, y=np.ones(N - 1))

@@ -1,7 +1,5 @@
 """A reading that is compared with a better instrument while both move: a board whose thermometer heats itself."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 

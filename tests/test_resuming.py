@@ -1,7 +1,5 @@
 """Logs that come again, from a pipe or another file: nothing lost, nothing twice."""
 
-from __future__ import annotations
-
 import json
 import os
 

@@ -1,7 +1,5 @@
 """Runs at different levels: each has its U0, the rest of the model is that of one level, and nothing else changes."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -199,9 +197,6 @@ def test_a_setpoint_is_a_cause_and_a_copy_of_the_reading_none():
     X = record[["temperature"]].assign(setpoint=setpoint)
     found = diagnose(DynamicBiasRegressor("temperature", TIMES).fit(X, y), X, y)
     assert found.best.label() == "covariate: setpoint"
-
-
-# ------------------------------------------------------------------------------------- levels that are no measurands
 
 
 def test_a_reading_of_a_run_that_was_never_seen_may_be_at_any_of_the_levels():

@@ -1,7 +1,5 @@
 """What the commands say before a wrong number leaves them: other units, other clocks, rows that deserve no trust."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -186,12 +184,6 @@ def test_labels_of_which_each_row_has_another_are_refused_at_once(bench, capsys)
     for model in (DynamicBiasRegressor(run="time"), TimeConstantSearch(DynamicBiasRegressor(run="time"))):
         with pytest.raises(RecordError, match="'time' has 1500 different values in 1500 rows"):
             model.fit(log, log["reading"])
-
-
-@pytest.mark.parametrize("candidates", [[], ()])
-def test_a_search_among_nothing_is_refused(bench, candidates):
-    with pytest.raises(ValueError, match="'candidates' parameter is empty"):
-        TimeConstantSearch(candidates=candidates).fit(bench[1][["temperature"]], bench[1]["reading"])
 
 
 def test_times_of_the_log_count_beside_a_sampling_period(bench, tmp_path, capsys):

@@ -1,7 +1,5 @@
 """The screen: what is no reading and no temperature is found, left out and said; what a device really does is not."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -28,9 +26,6 @@ from thermocorr.validation import held_out_residuals
 
 N = 20_000
 TAUS = ["5 min", "90 min"]
-
-
-# ------------------------------------------------------------------------------------------------- what a device does
 
 
 def telegraph(rng, dwell):
@@ -104,9 +99,6 @@ def test_codes_are_found_where_they_are():
     rows = np.r_[0, 9000, 3000:3040, 700:710, 12_000:12_500, N - 1]
     values[rows] = np.r_[-999.0, 85.0, np.full(40, 85.0), np.full(10, -127.0), np.full(500, 9.9e37), 9999.0]
     assert np.flatnonzero(spikes(values)).tolist() == np.sort(rows).tolist()
-
-
-# --------------------------------------------------------------------------------------------------------- in the fit
 
 
 @pytest.fixture(scope="module")
@@ -299,9 +291,6 @@ def test_a_stream_refuses_what_the_record_refuses(clean, tmp_path, kind, max_gap
         assert [sample.flag for sample in one] == got["flag"].tolist()
         for name in ("smoothed", "reference"):
             np.testing.assert_allclose([getattr(sample, name) for sample in one], got[name], rtol=0, atol=1e-10)
-
-
-# --------------------------------------------------------------------------------------------------- the command line
 
 
 @pytest.mark.long

@@ -1,7 +1,5 @@
 """Choice of time constants: same errors as scikit-learn's search, planted time constants found, honest intervals."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What seldom happens at the doors: systems that refuse, logs and states that cannot be read."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil
@@ -36,32 +34,10 @@ def refusing(number=errno.EACCES):
     return refuse
 
 
-# -------------------------------------------------------------------------------------------------- systems that refuse
-
-
 def test_a_place_without_permission_is_said_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(OutputError, match=r"f\.txt cannot be written: no permission"), Outputs() as outputs:
         outputs.claim(tmp_path / "f.txt")
-
-
-def test_a_second_name_that_cannot_be_made_leaves_everything_as_it_was(tmp_path, monkeypatch):
-    """A file system without links, and no space for a copy."""
-    for name in "ab":
-        (tmp_path / name).write_text(OURS)
-    monkeypatch.setattr(os, "link", refusing(errno.EPERM))
-
-    def half(source, target):
-        shutil.copyfile(source, target)
-        refusing(errno.ENOSPC)()
-
-    monkeypatch.setattr(shutil, "copy2", half)
-    outputs = Outputs()
-    for name in "ab":
-        outputs.write(tmp_path / name, "new")
-    with pytest.raises(OutputError, match="No space left"):
-        outputs.commit()
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": OURS, "b": OURS}
 
 
 def test_file_systems_without_locks_give_all_what_they_want(tmp_path, monkeypatch):
@@ -111,9 +87,6 @@ def test_a_reader_of_whole_results_that_has_gone_is_a_broken_pipe(tmp_path):
         outputs.write(f"/dev/fd/{writing}", b"x")
     outputs.discard()
     os.close(writing)
-
-
-# ------------------------------------------------------------------------------------------------------ logs and states
 
 
 @pytest.fixture(scope="module")

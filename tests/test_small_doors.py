@@ -1,7 +1,5 @@
 """Names of the user's where they could do harm: C code and comments, terminals, the columns that a model file lists."""
 
-from __future__ import annotations
-
 import subprocess
 
 import numpy as np
@@ -18,8 +16,6 @@ from thermocorr.files.model_nodes import pack_model, unpack_model
 from thermocorr.firmware import export_c
 from thermocorr.firmware.c99 import comment
 from thermocorr.records.errors import printable
-
-# ----------------------------------------------------------------------------------------------------- names in C
 
 OF_THE_CODE = """
     largest LARGEST s j bias result reading temperature column columns change deviation flags first step step_us started
@@ -106,8 +102,6 @@ def test_nothing_ends_a_comment(text):
     assert not any(mark in said for mark in ("*/", "/*", "??", "\\"))
 
 
-# ------------------------------------------------------------------------------------------- names on a terminal
-
 ESCAPE, BELL, OVERRIDE = "\x1b[31m", "\x07", "\N{RIGHT-TO-LEFT OVERRIDE}"
 
 
@@ -159,9 +153,6 @@ def test_line_ends_in_names_stay_keys_of_the_table():
     assert "humidity\n[%]" in table.index
     assert "humidity\\n[%]" in table.to_string()
     assert len(model.equation().splitlines()) == len(table) + 2  # one for each column, and what the names mean
-
-
-# ------------------------------------------------------------------------- names of columns in a model's file
 
 
 @pytest.fixture(scope="module")

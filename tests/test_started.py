@@ -1,7 +1,5 @@
 """A device that was not at rest when the record began, as none is: the model has its start, and nothing is missing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

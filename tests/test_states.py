@@ -1,7 +1,5 @@
 """Columns of words: an operator, a fixture, a mode are suspects as numbers are, and go where the model goes."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The workbench that computes in the browser: its files, what it may do, and that it comes to the native answer."""
 
-from __future__ import annotations
-
 import functools
 import io
 import json

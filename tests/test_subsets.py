@@ -1,7 +1,5 @@
 """Held-out errors of sets of columns against scikit-learn's Ridge on the data themselves."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

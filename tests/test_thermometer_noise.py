@@ -1,7 +1,5 @@
 """Noisy, coarse and late thermometers: what they do to a reading, and who is named for it."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

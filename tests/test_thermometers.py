@@ -152,9 +152,6 @@ def test_the_search_for_one_thermometer_says_what_it_is_not_for(device):
         TimeConstantSearch(model).fit(X, y)
 
 
-# ------------------------------------------------------------------------------------------------ a lost thermometer
-
-
 def with_hole(X, column, start, rows=60):
     lost = X.copy()
     lost.iloc[start : start + rows, lost.columns.get_loc(column)] = np.nan
@@ -214,18 +211,6 @@ def test_readings_beside_filled_cells_are_not_learned_from(device):
         assert np.array_equal(a, model.fit(lost, spoiled).coef_)
 
 
-def test_a_code_for_no_temperature_is_filled_too(device):
-    X, y, _, noise, _ = device
-    coded = X.copy()
-    coded.iloc[100:110, 0] = -999.0
-    coded.iloc[8000:8030, 0] = -999.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = DynamicBiasRegressor(["case", "room"], BODIES).fit(coded, y)
-    assert set(model.flags(coded, y)[8000:8030]) <= {"filled", "doubtful input"}
-    assert model.residual_std_ < 1.1 * noise
-
-
 def test_all_thermometers_lost_is_no_temperature(device):
     X, y, _, _, model = device
     lost, hole = with_hole(with_hole(X, "room", 8000)[0], "case", 8000)
@@ -247,9 +232,6 @@ def test_the_command_takes_several_thermometers(device, tmp_path, capsys):
         main(["correct", "--model", str(tmp_path / "out" / "model.json"), str(tmp_path / "log.csv"), "--reading", "U"])
         == 0
     )
-
-
-# --------------------------------------------------------------------------------------------- another thermometer
 
 
 def test_an_effect_is_taken_out_by_its_name():

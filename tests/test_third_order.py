@@ -1,7 +1,5 @@
 """Products of three lags, eq. (20): the cube of an inner temperature needs them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Pieces of long curves: nothing that stands out is lost, nothing is drawn that is not there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

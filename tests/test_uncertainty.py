@@ -1,7 +1,5 @@
 """Uncertainties of a fitted model: noise, joint errors, rows, signed values."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
@@ -25,9 +23,6 @@ pytestmark = pytest.mark.newest
 def fitted():
     X, y, truth = device(3000, 11, np.random.default_rng(11).standard_normal(3000))
     return DynamicBiasRegressor("temperature", TIMES, degree=1).fit(X, y), X, y, truth
-
-
-# ------------------------------------------------------------------------------------------------------------ the noise
 
 
 def noise_model(**more):
@@ -89,9 +84,6 @@ def test_the_covariance_is_that_of_generalised_least_squares():
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(exact)), rtol=0.06)
 
 
-# ------------------------------------------------------------------------------------------------------------ intervals
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("rows", [0, 5, 60], ids=["white", "5 rows", "60 rows"])
 @pytest.mark.parametrize("times", [TIMES, "auto"], ids=["given", "searched"])
@@ -130,9 +122,6 @@ def test_later_readings_lie_in_their_intervals():
         value, u = model.predict(X[2000:], return_std=True)
         shares.append((np.abs(y[2000:] - value) <= 1.96 * u).mean())
     assert np.mean(shares) > 0.9
-
-
-# ----------------------------------------------------------------------------------------------- as scikit-learn has it
 
 
 def test_values_are_the_same_with_and_without_their_uncertainty(fitted):
@@ -181,9 +170,6 @@ def test_rows_that_follow_have_the_same_uncertainty_alone(fitted):
         np.testing.assert_allclose(model.bias(X[2000:], return_std=True)[1], whole[2000:], rtol=1e-9)
 
 
-# -------------------------------------------------------------------------------------------------- other kinds of logs
-
-
 def test_a_long_record_is_averaged_while_it_is_swept(monkeypatch):
     """Beside the same record whose history keeps every row: bins are wider, the errors within 5 %."""
     X, y, _ = device(20000, 6, np.random.default_rng(6).standard_normal(20000))
@@ -213,9 +199,6 @@ def test_a_parquet_log(tmp_path):
     model = DynamicBiasRegressor("temperature", TIMES).fit(log, log["reading"])
     frame = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
     np.testing.assert_allclose(model.predict(log, return_std=True)[1], frame.predict(X, return_std=True)[1], rtol=1e-9)
-
-
-# --------------------------------------------------------------------------------------------------------- model files
 
 
 @pytest.mark.parametrize("times", [TIMES, "auto"], ids=["given", "searched"])

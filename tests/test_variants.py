@@ -1,7 +1,5 @@
 """The paper's table on the built-in record, and its output forms."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -63,29 +61,6 @@ def test_blocks_shorter_than_the_moving_average_have_no_smoothed_figures():
         smoothed = found.loc["static linear":, ["held_out_std_smoothed", "held_out_reduction_db"]]
         assert (smoothed.isna() if none else np.isfinite(smoothed)).all(axis=None)
         assert np.isfinite(found.loc["static linear":, ["held_out_rms", "std_smoothed", "reduction_db"]]).all(axis=None)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("window", "said"),
-    [
-        (25, ""),
-        (
-            200,
-            " No smoothed figures of the held-out blocks: no stretch of them is longer than half the moving average.",
-        ),
-        (601, " No smoothed figures: no stretch of the record is longer than half the moving average."),
-        (10**6, " No smoothed figures: no stretch of the record is longer than half the moving average."),
-    ],
-)
-def test_where_there_are_no_smoothed_figures_the_caption_says_why(window, said):
-    record = make_record(300, sampling_period=60.0, seed=3)
-    comparison = compare_variants(
-        record[["temperature"]], record["reading"], time_constants=["5 min"], n_blocks=3, window=window
-    )
-    assert comparison.caption().partition(" Figures in ppm.")[2] == said
-    for text in (str(comparison), comparison.to_html()):
-        assert ("No smoothed figures" in text) == bool(said)
 
 
 def test_a_reading_that_never_changes_has_no_time_constants():

@@ -124,9 +124,6 @@ def test_other_arguments_of_fit_are_refused(lab):
         DynamicBiasRegressor("temperature", TAUS).fit(*lab, weight=1)
 
 
-# --------------------------------------------------------------------------------------------------------- events
-
-
 @pytest.fixture(scope="module")
 def loaded(lab):
     """Loads of 5, 12 and 0 units, put on in rows 1000, 1800 and 3000; a column that says when."""

@@ -1,7 +1,5 @@
 """The workbench without a browser: steps, undo, marks, previews, what is taken away, against the library's calls."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The workbench as a person sees it, in a headless Chromium: clicks, numbers, sizes, colours, the keyboard."""
 
-from __future__ import annotations
-
 import random
 import time
 

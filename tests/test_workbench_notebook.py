@@ -1,7 +1,5 @@
 """`workbench(model, X, y)`: the screen in a notebook, its messages, and what it falls back to."""
 
-from __future__ import annotations
-
 import base64
 import json
 import sys

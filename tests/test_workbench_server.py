@@ -1,7 +1,5 @@
 """The workbench's server as a process: who may talk to it, what it refuses, and that it leaves nothing behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """What is taken away from the workbench comes to the same model; sessions open again, or say why not."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

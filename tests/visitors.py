@@ -1,7 +1,5 @@
 """A workbench as a process of its own, and those who visit it without a browser."""
 
-from __future__ import annotations
-
 import base64
 import http.client
 import json

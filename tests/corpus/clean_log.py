@@ -1,7 +1,5 @@
 """The clean log that the cases of the corpus spoil, its model, and what `thermocorr correct` makes of a log."""
 
-from __future__ import annotations
-
 import csv
 import io
 import warnings

@@ -1,7 +1,5 @@
 """Files as users first give them to the command, with no role named; made by hand after what loggers write."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

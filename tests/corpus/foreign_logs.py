@@ -1,7 +1,5 @@
 """One record, as sixty programs and countries write it, and what must not be guessed; made by hand."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import warnings

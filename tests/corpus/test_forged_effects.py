@@ -1,7 +1,5 @@
 """What the effects, arrays and states of a model file cannot be: each is refused with its place."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Damaged and forged model files and saved states: refused in a short sentence, at once, in little memory."""
 
-from __future__ import annotations
-
 import datetime
 import json
 import os
@@ -152,6 +150,7 @@ def test_any_label_of_a_run_lives_in_a_model_file_and_in_a_state(label, tmp_path
 
 
 STATES = {
+    "no last time": ("state.last", None),
     "a lag that is no number": ("state.states", [None] * 4),
     "a lag beyond all powers": ("state.states.0", 1e300),
     "a time that is text": ("state.last", "2024"),
@@ -239,6 +238,7 @@ def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
 
 
 FORGED = {
+    "a long degree": (("effects", 0, "parameters", "degree"), [0.0] * 5000),
     "an infinite coefficient": (("coefficients", 0), {"$float": "inf"}),
     "a coefficient of text": (("coefficients", 0), "1"),
     "a true coefficient": (("coefficients", 0), True),
@@ -306,13 +306,3 @@ def test_labels_of_several_parts_are_labels():
     for part in ([], float("nan"), ("a", [])):
         with pytest.raises(ModelFileError, match="a label"):
             label(part, "$")
-
-
-def test_a_forged_model_is_not_quoted_at_length(model_path, tmp_path):
-    node = json.loads(model_path.read_text())
-    node["model"]["effects"][0]["parameters"]["degree"] = [0.0] * 5000
-    rest = {key: part for key, part in node.items() if key not in ("format", "version", "digest")}
-    (tmp_path / "f.json").write_bytes(signed(rest))
-    with pytest.raises(ModelFileError) as caught:
-        load_model(tmp_path / "f.json")
-    assert len(str(caught.value)) < 700

@@ -1,7 +1,5 @@
 """Parquet files with columns of every type in every role: both readers and `correct` say the same of them."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

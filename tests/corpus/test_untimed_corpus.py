@@ -1,7 +1,5 @@
 """Logs without any times that random ones have led to."""
 
-from __future__ import annotations
-
 import pytest
 
 from corpus.clean_log import CLEAN, FITTED, ROWS, Shown, frame_of, text_of
