@@ -12,6 +12,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
+from ..estimators.choosing import count_to_choose
 from ..estimators.features import DiffusiveFeatures
 from ..estimators.prior import LawPrior
 from ..estimators.progress import Progress, one_blas_thread, reporting
@@ -115,7 +116,7 @@ def fit_fleet(
             "Devices with several thermometers have time constants of their own: shared_time_constants=False."
         )
     own = [model] * len(parts)
-    if shared_time_constants and model._count_to_choose() != 0:
+    if shared_time_constants and count_to_choose(model.time_constants) != 0:
         own = _with_shared_times(workers, parts, names, reading, model)
     with reporting(progress, len(names) * (1 + shrinkage)) as tell:
         heard = tell if progress else None
@@ -155,7 +156,7 @@ def _with_shared_times(
     found: list[tuple[Projected, float]] = _each(
         workers, _spectrum, parts, names, [(reading, model, grid)] * len(parts)
     )
-    path = project([projected for projected, _ in found], model._count_to_choose())
+    path = project([projected for projected, _ in found], count_to_choose(model.time_constants))
     chosen = grid[list(path[-1])] if path else np.zeros(0)
     own = [clone(model).set_params(time_constants=chosen) for _ in parts]
     if model.alpha == "auto":

@@ -24,7 +24,7 @@ from ..judgement import Diagnosis, Refinement, diagnose, refine
 from ..pages import Answer
 from ..pages.report import report_text
 from ..records import RecordError, RecordWarning
-from ..records.errors import printable
+from ..records.errors import noted, printable
 from ..records.numbers import number_text, scale_of, span_text
 from ..records.units import unit_of
 from .loading import (
@@ -115,8 +115,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         *([] if report is None else [report]),
     ]:
         outputs.claim(path)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as notes:
         loaded = load_log(options)
         X, read = loaded.columns()
         y = readings_to_learn(loaded, X, read, options.mask)
@@ -134,7 +133,6 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     average = None if options.average is None else MovingAverage(options.average)
     asked = (options.variant or "").replace("-", " ")
     judged = _judge(comparison.models[asked or comparison.begun], X, y, options, progress)
-    noted = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, RecordWarning)))
     answer = Answer.of(
         X,
         y,
@@ -145,7 +143,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         unjudged=judged.reason,
         source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
         command=options.as_written,
-        notes=(*noted, *_read_as(loaded, comparison)),
+        notes=(*dict.fromkeys(notes), *_read_as(loaded, comparison)),
     )
     best = _chosen(answer, comparison, judged)
     answer = replace(answer, notes=tuple(filter(None, (added_noise(best, X, y), *answer.notes))))
@@ -206,10 +204,9 @@ def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor) -> s
 
 def _evaluated(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> tuple[pd.DataFrame, list[str]]:
     """`evaluate` with uncertainties, and its warnings."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as notes:
         evaluated = model.evaluate(X, y, return_std=True)
-    return evaluated, [str(warning.message) for warning in caught]
+    return evaluated, notes
 
 
 class Judged(NamedTuple):

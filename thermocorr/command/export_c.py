@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 from ..firmware.export import export_c
-from ..records import RecordWarning
+from ..records.errors import noted
 from ..records.history import History
 from ..records.numbers import span_text, span_texts
 from .loading import number_or_span
@@ -39,8 +38,7 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
 
     progress(f"Loading {options.model}")
     model = load(options.model)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as notes:
         export = export_c(
             model,
             options.out,
@@ -51,8 +49,8 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
             inputs=[options.model],
         )
     say(str(export))
-    for warning in caught:
-        say(f"Note: {warning.message}")
+    for note in notes:
+        say(f"Note: {note}")
     if options.sampling_period == "fitted" and (note := _steps_vary(model.features_.history_)):
         say(f"Note: {note}")
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 from ..firmware.esphome import Compensation, export_esphome, temperature_compensation
 from ..foreign import read_log, time_of, with_times
-from ..records import Layout, RecordError, RecordWarning, read_record
+from ..records import Layout, RecordError, read_record
+from ..records.errors import noted
 from .loading import add_table_options, how_to_read
 
 
@@ -30,15 +30,14 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
 
     model = load(options.model)
     compensation = None if options.log is None else _compensation(model, options)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as notes:
         inputs = [options.model, *([] if options.log is None else [options.log])]
         export = export_esphome(
             model, options.out, name=options.name, compensation=compensation, force=options.force, inputs=inputs
         )
     say(str(export))
-    for warning in caught:
-        say(f"Note: {warning.message}")
+    for note in notes:
+        say(f"Note: {note}")
 
 
 def _compensation(model: Any, options: argparse.Namespace) -> Compensation:

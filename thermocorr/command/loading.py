@@ -11,7 +11,7 @@ import pandas as pd
 from ..effects.grids import since_start
 from ..effects.steps import Events
 from ..estimators import DynamicBiasRegressor
-from ..estimators.fitting import masked_readings
+from ..estimators.reading import masked_readings
 from ..files.result_files import result_columns
 from ..foreign import RUN, ForeignTable, HowToRead, guess, read_logs, with_times
 from ..foreign.roles import is_counter
@@ -248,10 +248,10 @@ def load_log(options: argparse.Namespace) -> Loaded:
     time = _time_column(options, table, how, None if stamped else found.time)
     timed = stamped or time is not None
     if timed and options.sampling_period is not None:
-        _note("The data have times of their own: --sampling-period is not used.")
+        warn("The data have times of their own: --sampling-period is not used.")
     for name in thermometers:
         if (unit := unit_of(name, log)) and unit not in DEGREES:
-            _note(f"The unit of {quoted(name)} is {unit}, no temperature. Is it the right column?")
+            warn(f"The unit of {quoted(name)} is {unit}, no temperature. Is it the right column?")
     if len(options.log) == 1:
         table = with_times(table, time, how)
     if options.events is not None:
@@ -272,9 +272,9 @@ def load_log(options: argparse.Namespace) -> Loaded:
     counters = [str(name) for name in log.columns if name not in named and is_counter(log[name])]
     results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
     if results:
-        _note(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
+        warn(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
     if counters:
-        _note(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
+        warn(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
     results = (*results, *counters)
     return Loaded(table.frame, table.as_it_came(), stamped, model, reading, table.said, table.form, results)
 
@@ -285,7 +285,7 @@ def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRea
         raise RecordError("Give --time or --sampling-period, not both.")
     if options.sampling_period is None or found is None or _goes_forward(table, found, how):
         return found
-    _note(f"{quoted(found)} does not go forward from row to row: rows are taken as --sampling-period apart.")
+    warn(f"{quoted(found)} does not go forward from row to row: rows are taken as --sampling-period apart.")
     return None
 
 
@@ -296,10 +296,6 @@ def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
     except RecordError:
         return False
     return kind_of(times) != "text" and bool(times.is_monotonic_increasing and times.is_unique)
-
-
-def _note(text: str) -> None:
-    warn(text)
 
 
 def check_numbers(options: argparse.Namespace) -> None:
@@ -360,7 +356,7 @@ def note_events_outside(loaded: Loaded, X: pd.DataFrame, given: Sequence[str] | 
     seconds = record.times.seconds(slice(0, record.n_rows), record.first_stamp())
     for moment in given:
         if not seconds.min() < since_start(number_or_span(moment), record, "event", "analyze") <= seconds.max():
-            _note(f"--event {moment} is not within the record: it is not used.")
+            warn(f"--event {moment} is not within the record: it is not used.")
 
 
 def _events(options: argparse.Namespace) -> list[Events]:

@@ -186,6 +186,8 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     `scale` has the unit of every size, in the letters or in the signs of print.
     """
     said = []
+    named = not (VERDICTS[verdict].calm or VERDICTS[verdict].unknown)
+    what = "Given these causes, what" if named else "What"
     if left.unjudged:
         said.append(
             f"{left.unjudged:.0%} of the readings are behind gaps or next to filled cells, and neither learned from "
@@ -194,7 +196,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         )
     if left.structured:
         said.append(
-            f"What is left wanders by {scale.text(left.wandering)}, with a correlation time of about "
+            f"{what} is left wanders by {scale.text(left.wandering)}, with a correlation time of about "
             f"{span_text(left.correlation_time)}."
         )
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
@@ -212,8 +214,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
             "noise beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
         )
     elif not left.absurd:
-        beside = "" if VERDICTS[verdict].calm or VERDICTS[verdict].unknown else "Beside these causes, w"
-        said.append(f"{beside or 'W'}hat is left looks like white noise.")
+        said.append(f"{what} is left looks like white noise.")
     said += thermometer_sentences(left, scale)
     if left.copied and not VERDICTS[verdict].calm:
         said.append(
@@ -243,7 +244,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     seen = [f"{what} of {scale.text(size, 2)}" for what, size in known.items()]
     if seen:
         said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
-    if left.drift_hides and (VERDICTS[verdict].calm or VERDICTS[verdict].unknown):  # beside no cause
+    if left.drift_hides and not named:
         which = "a smaller drift than that" if np.isfinite(left.smallest_drift) else "a drift"
         said.append(
             f"What the model has can take the place of a drift here: {which} passes for it, and a forecast goes wrong "

@@ -197,3 +197,9 @@ def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stre
 def spans(data: Averages, record: Record) -> np.ndarray:
     """Number of the span of each stretch, see `thermocorr.equations.noise.spans`."""
     return noise.spans(data.segment, data.seconds, [segment.run for segment in record.segments])
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square of what is known; NaN where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(known @ known / len(known))) if len(known) else np.nan

@@ -21,7 +21,7 @@ from ..records.errors import warn
 from ..records.read import check_max_gap, check_order
 from ..records.screen import screened
 from .imputation import Filling, check_rules, filling_of, learned_beside
-from .reading import check_columns
+from .reading import check_columns, learned_readings
 from .thermometers import Thermometers
 from .time_constants.spectrum import DECAY_SHARE
 
@@ -201,10 +201,15 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.learn_from(record)
         return record
 
-    def read(self, X: Any, y: Any = None, quiet: bool = False) -> Record:
-        """Check parameters and data; returns the record, screened and filled."""
+    def read(self, X: Any, y: Any = None, weight: Any = None, mask: Any = None, quiet: bool = False) -> Record:
+        """Check parameters and data; returns the record, screened and filled.
+
+        `X`, `y`, `weight`, `mask` (see `DynamicBiasRegressor.fit`). `quiet` (bool): Warn of nothing.
+        """
         self._validate_params()
-        X = self._check_columns(X, reset=True)
+        if y is not None:
+            y = learned_readings(X, y, self.layout(), mask, weight)
+        X = check_columns(self, X, reset=True)
         needed = needed_columns([effect for _, effect in self.further_effects()])
         filling = bool(self.thermometers().further or self.fill)
         record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
@@ -283,7 +288,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         effects = self.effect_list()
         if isinstance(X, Record):
             return resume(effects, self.history_, X)
-        X = self._check_columns(X, reset=False)
+        X = check_columns(self, X, reset=False)
         fill = self.fill_in if self.filling_.stand_ins else None
         layout = replace(self.layout(), reference=None)  # rows to be corrected have readings, and need no reference
         record = read_record(X, layout, y=y, needed=needed_columns(effects), quiet=True, fill=fill)
@@ -308,6 +313,15 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     def effect_list(self) -> list[Effect]:
         """The learned effects without their names."""
         return [effect for _, effect in self.effects_]
+
+    def first_of(self, kind: type[Effect]) -> tuple[Any, slice]:
+        """The first effect of a kind, None where there is none, and which of all columns it has."""
+        at = 0
+        for effect in self.effect_list():
+            if type(effect) is kind:
+                return effect, slice(at, at + effect.n_columns())
+            at += effect.n_columns()
+        return None, slice(0, 0)
 
     def memory(self) -> float:
         """Longest time constant of any effect [s]."""
@@ -348,9 +362,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         """Layout of X: columns of the temperature, time, run and reference, and the spacing of rows."""
         ambient = self.thermometers().ambient
         return Layout(ambient, self.time, self.run, self.sampling_period, self.max_gap, self.reference)
-
-    def _check_columns(self, X: Any, reset: bool) -> Any:
-        return check_columns(self, X, reset)
 
     def _collect(self, record: Record, steps: Iterator[Walked]) -> tuple[np.ndarray, list[list[Any]]]:
         columns: np.ndarray | None = None

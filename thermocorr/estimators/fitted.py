@@ -15,7 +15,6 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
-from ..effects.protocol import Effect
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
@@ -59,22 +58,6 @@ class Inner(NamedTuple):
     """Psi_j of eq. (19): how much warmer it is than the ambient, shape (n, J) [K]."""
 
 
-def lags_of(model: Any) -> tuple[np.ndarray, slice]:
-    """Time constants [s] of a fitted model's lags, and which coefficients they have; none where it has no lags."""
-    lag, columns = _of_kind(model, ThermalLag)
-    return np.zeros(0) if lag is None else lag.time_constants_, columns
-
-
-def _of_kind(model: Any, kind: type[Effect]) -> tuple[Any, slice]:
-    """The first effect of a kind, None where there is none, and which of all columns it has."""
-    at = 0
-    for effect in model.features_.effect_list():
-        if type(effect) is kind:
-            return effect, slice(at, at + effect.n_columns())
-        at += effect.n_columns()
-    return None, slice(0, 0)
-
-
 def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     """Inner temperatures of a fitted model along a walk through a record.
 
@@ -84,11 +67,12 @@ def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
     `model` (DynamicBiasRegressor): Fitted, with lags of the temperature. `steps` (iterator of Walked): Of all effects
     of the model. Raises ValueError for a model without lags: a static model knows of nothing inside.
     """
-    taus, lags = lags_of(model)
-    if not len(taus):
+    features = model.features_
+    lag, lags = features.first_of(ThermalLag)
+    if lag is None:
         raise ValueError("The model has no lags: a static model knows of no temperature inside of the device.")
-    mu = model.coef_[lags]
-    start, decays = _of_kind(model, InitialTransient)
+    taus, mu = lag.time_constants_, model.coef_[lags]
+    start, decays = features.first_of(InitialTransient)
     weights = np.zeros((decays.stop - decays.start, len(taus)))
     if start is not None:
         own = np.concatenate([*start.decays_.values(), np.zeros(0)])
@@ -313,10 +297,6 @@ class FittedModel:
     def _contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
         """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
         yield from self._weighed_blocks(X, *self._resumed(X))
-
-    def _blocks_with_gaps(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """`_contribution_blocks` of a record that knows what its gaps may move the bias by, for `_block_flags`."""
-        yield from self._weighed_blocks(X, *self._resumed_with_gaps(X))
 
     def _weighed_blocks(self, X: Any, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
         UnitGuard.of(self).check_record(record, X)

@@ -92,12 +92,6 @@ def residuals_of_blocks(
     return result
 
 
-def rms(values: np.ndarray) -> float:
-    """Root mean square of what is known; NaN where nothing is."""
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(known @ known / len(known))) if len(known) else np.nan
-
-
 def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:
     """Rows of a left-out block that still feel a start-up whose decay columns had no readings to learn from."""
     record = fitted.features_.history_.record

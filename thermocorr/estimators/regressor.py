@@ -18,16 +18,16 @@ from ..equations import MovingAverage
 from ..records import Block, Log, Record
 from ..records.errors import warn
 from ..records.segments import Flags
-from .choosing import choose, choose_again, chosen_products, count_to_choose, penalty
+from .choosing import choose, choose_again, chosen_products, penalty
 from .coverage import Coverage
 from .cutting import equal_edges
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import MergedRidge, learned_readings, require_rows, standard_errors, sweep_effects
+from .fitting import MergedRidge, require_rows, standard_errors, sweep_effects
 from .identifiability import doubts_of
 from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
-from .reading import Reading, check_corrected, check_plausible, check_reference, like, no_flags
+from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
 from .uncertainty.assessed import SignedModel
 
@@ -195,14 +195,12 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._validate_params()
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
-        check_reference(self.reference, X, y)
-        y = learned_readings(X, y, self._unfitted_features(()).layout(), mask, sample_weight)
         say = printed(self.verbose)
         with one_blas_thread():
             say("reading the record")
             self._degree, self.search_ = self.degree, None
             read = self._unfitted_features((), RunLevels())
-            record = read.read(X, y)
+            record = read.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
             self.search_ = choose(self, record, reading, say)
@@ -375,10 +373,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             found = run_levels(features, record, self.run_offset == "each")
         self._run_levels = found
 
-    def _count_to_choose(self) -> int | None:
-        """Number of time constants to choose: None where it is open, 0 where they are given."""
-        return count_to_choose(self.time_constants)
-
     def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
         """Features with the settings of this model and the time constants given, before their fit.
 
@@ -397,7 +391,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def _evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
         """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
         reading, level = self._reading_numbers(X, y), self._level(X)
-        for block, parts in self._blocks_with_gaps(X):
+        for block, parts in self._weighed_blocks(X, *self._resumed_with_gaps(X)):
             given = np.asarray(reading[block.rows], float)
             measured = self._screened(block, given)
             model = parts.sum(axis=1) + level[block.rows]

@@ -14,7 +14,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from .fitting import learned_readings
 from .progress import one_blas_thread
 from .reading import Reading
 from .regressor import DynamicBiasRegressor
@@ -146,12 +145,11 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 "DynamicBiasRegressor(temperature=[...], time_constants='auto'), which chooses those of several."
             )
         started = time.perf_counter()
-        learned = learned_readings(X, y, model._unfitted_features(()).layout(), mask, sample_weight)
         with one_blas_thread():
-            record = model._unfitted_features(()).read(X, learned)
+            record = model._unfitted_features(()).read(X, y, sample_weight, mask)
             model._learn_levels(record)
             settings = SearchSettings(self.candidates, self.method, self.count, self.alphas, self.cv)
-            choice = search(model._unfitted_features(()), record, Reading.of(X, learned, record), settings)
+            choice = search(model._unfitted_features(()), record, Reading.of(X, y, record), settings)
             self._conclude(choice)
         self.search_time_ = time.perf_counter() - started
         if self.refit:

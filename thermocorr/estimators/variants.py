@@ -20,9 +20,10 @@ from ..records.numbers import Scale, number_text, scale_of
 from ..records.record_log import as_data
 from ..records.screen import error_of
 from .advice import Advice, advise
+from .averages import rms
 from .choosing import count_to_choose
 from .heteroscedasticity import believed_readings
-from .holdout import residuals_of_blocks, rms, time_blocks
+from .holdout import residuals_of_blocks, time_blocks
 from .progress import Progress, reporting
 from .regressor import DynamicBiasRegressor
 

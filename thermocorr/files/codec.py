@@ -273,6 +273,14 @@ def items(value: Any, where: str, length: int | None = None) -> list[Any]:
     return value
 
 
+def numbers(
+    value: Any, where: str, length: int | None = None, low: float = -math.inf, high: float = math.inf
+) -> np.ndarray:
+    """A list of finite numbers between `low` and `high`, as an array; of a given length where one is given."""
+    found = enumerate(items(value, where, length))
+    return np.array([number(one, f"{where}[{i}]", low, high) for i, one in found], float)
+
+
 def vector(
     value: Any, where: str, length: int | None = None, most: float = math.inf, missing: Sequence[int] | np.ndarray = ()
 ) -> np.ndarray:

@@ -28,6 +28,7 @@ from .codec import (
     items,
     name,
     number,
+    numbers,
     pack,
     positive,
     text,
@@ -161,7 +162,7 @@ def unpack_gaps(node: Any, where: str, columns: Collection[Any]) -> Gaps | None:
     if node is None:
         return None
     node = fields(node, where, ("least", "lags", "columns"))
-    lags = _numbers(node["lags"], f"{where}.lags")
+    lags = numbers(node["lags"], f"{where}.lags", low=0.0)
     if not len(lags) or lags[0] != 0 or (np.diff(lags) <= 0).any():
         raise unexpected(f"{where}.lags", "other times", "0 first, and then increasing times")
     squares: dict[Any, np.ndarray] = {}
@@ -171,12 +172,8 @@ def unpack_gaps(node: Any, where: str, columns: Collection[Any]) -> Gaps | None:
         column = name(unpack(item["name"], f"{place}.name"), f"{place}.name")
         if column not in columns or column in squares:
             raise ModelFileError(f"{place}.name is {column!r}, which the model does not keep, or twice")
-        squares[column] = _numbers(item["squares"], f"{place}.squares", len(lags))
+        squares[column] = numbers(item["squares"], f"{place}.squares", len(lags), 0.0)
     return Gaps(positive(node["least"], f"{where}.least"), lags, squares)
-
-
-def _numbers(node: Any, where: str, count: int | None = None) -> np.ndarray:
-    return np.array([number(value, f"{where}[{i}]", 0.0) for i, value in enumerate(items(node, where, count))], float)
 
 
 _FIELDS = tuple(StandIn.__dataclass_fields__)
@@ -222,11 +219,11 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
             raise ModelFileError(f"{where} names {each!r}, which the model does not read")
     if column in others or len(set(others)) < len(others):
         raise unexpected(f"{where}.others", repr(others)[:60], "other columns, each once")
-    numbers = {
-        key: vector(_floats(node[key], f"{where}.{key}"), f"{where}.{key}", length, LARGEST)
+    known = {
+        key: numbers(node[key], f"{where}.{key}", length, -LARGEST, LARGEST)
         for key, length in (("means", 1 + len(others)), ("slopes", 2 * len(others)), ("time_constants", len(others)))
     }
-    if (numbers["time_constants"] <= 0).any():
+    if (known["time_constants"] <= 0).any():
         raise unexpected(f"{where}.time_constants", "times", "times above zero")
     if node["rule"] not in RULES or (node["rule"] == "estimate") != bool(others):
         raise unexpected(f"{where}.rule", repr(node["rule"])[:60], f"one of {RULES}, 'estimate' with other columns")
@@ -236,9 +233,9 @@ def _stand_in(node: Any, where: str, columns: Collection[Any]) -> tuple[StandIn,
         range=(-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high),
         column=column,
         others=others,
-        means=numbers["means"],
-        slopes=numbers["slopes"].reshape(-1, 2),
-        time_constants=numbers["time_constants"],
+        means=known["means"],
+        slopes=known["slopes"].reshape(-1, 2),
+        time_constants=known["time_constants"],
         spread=number(node["spread"], f"{where}.spread", 0.0, LARGEST),
         memory=positive(node["memory"], f"{where}.memory"),
         rule=node["rule"],
@@ -255,16 +252,10 @@ def numbers_or_nan(node: Any, where: str, length: int) -> list[float]:
     ]
 
 
-def _floats(node: Any, where: str) -> np.ndarray:
-    return np.array([number(value, f"{where}[{i}]") for i, value in enumerate(items(node, where))], float)
-
-
 _ERRORS = (
     "wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "last_segment", "representation", "beyond",
 )  # fmt: skip
-_NOISE = (
-    "white", "recent", "wander", "correlation_times", "white_dof", "wander_dof", "size_seconds", "sizes",
-)  # fmt: skip
+_NOISE, _BEYOND = tuple(NoiseModel.__dataclass_fields__), tuple(Beyond.__dataclass_fields__)
 
 
 def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -> dict[str, Any]:
@@ -279,28 +270,15 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
         "usual": joint.usual,
         "mean": pack(joint.mean, "the columns' means"),
         "noise": {
-            "white": noise.white,
-            "recent": noise.recent,
-            "wander": pack(noise.wander, "the wandering noise"),
-            "correlation_times": pack(noise.correlation_times, "its correlation times"),
+            **{name: pack(getattr(noise, name), "the noise") for name in _NOISE},
             "white_dof": _finite(noise.white_dof),
             "wander_dof": _finite(noise.wander_dof),
-            "size_seconds": pack(noise.size_seconds, "times of the noise"),
-            "sizes": pack(noise.sizes, "sizes of the noise"),
         },
         "last": pack(joint.last, "errors at the record's end"),
         "end": joint.end,
         "last_segment": joint.last_segment,
         "representation": joint.representation,
-        "beyond": joint.beyond
-        and {
-            "power": joint.beyond.power,
-            "size": joint.beyond.size,
-            "weights": pack(joint.beyond.weights, "the temperatures inside the device"),
-            "alike": pack(joint.beyond.alike, "what is like the next power"),
-            "lowest": pack(joint.beyond.lowest, "their lowest values"),
-            "highest": pack(joint.beyond.highest, "their highest values"),
-        },
+        "beyond": joint.beyond and {name: pack(getattr(joint.beyond, name), "the next power") for name in _BEYOND},
     }
 
 
@@ -383,7 +361,7 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
 
 
 def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
-    node = fields(node, where, ("power", "size", "weights", "alike", "lowest", "highest"))
+    node = fields(node, where, _BEYOND)
     # Highest power of the static law that a file may speak of
     power = integer(node["power"], f"{where}.power", 2, 12)
     size = number(node["size"], f"{where}.size", 0.0, LARGEST**2)

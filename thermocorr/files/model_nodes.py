@@ -32,6 +32,7 @@ from .codec import (
     label,
     name,
     number,
+    numbers,
     pack,
     positive,
     text,
@@ -368,7 +369,7 @@ def _restore_features(features: DiffusiveFeatures, node: dict[str, Any], where: 
 def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, Any], where: str) -> None:
     count = len(node["columns"])
     ridge = MergedRidge(number(node["alpha"], f"{where}.alpha", 0.0))
-    ridge.coef_ = _numbers(node, "coefficients", where, count)
+    ridge.coef_ = numbers(node["coefficients"], f"{where}.coefficients", count)
     ridge.intercept_ = number(node["intercept"], f"{where}.intercept")
     ridge.rank_ = integer(node["rank"], f"{where}.rank", 0, count)
     ridge.residual_std_ = number(node["residual_std"], f"{where}.residual_std", 0.0)
@@ -379,9 +380,4 @@ def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, An
     model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
     notes = items(node["notes"], f"{where}.notes")
     model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))
-    model._known_standard_errors = _numbers(node, "standard_errors", where, count + 1, 0.0)
-
-
-def _numbers(node: dict[str, Any], key: str, where: str, count: int, low: float = -np.inf) -> np.ndarray:
-    values = items(node[key], f"{where}.{key}", count)
-    return np.array([number(value, f"{where}.{key}[{i}]", low) for i, value in enumerate(values)], float)
+    model._known_standard_errors = numbers(node["standard_errors"], f"{where}.standard_errors", count + 1, 0.0)

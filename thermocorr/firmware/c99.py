@@ -321,7 +321,7 @@ class CText:
             unit = f"samples of {t.period:.10g} s" if t.fixed else "microseconds"
             first = "first sample" if t.fixed else "call of init, from which the first step counts"
             said.append(f"start: {unit} from the first fitted row to the {first}.")
-            if t.history is not None and t.history.kind.startswith("datetime"):
+            if t.history.kind.startswith("datetime"):
                 said.append(f"First fitted row: {t.absolute_zero():.6f} s since 1970 (UTC, or local without a zone).")
         if not t.fixed:
             said.append("step_us: microseconds since the update before.")

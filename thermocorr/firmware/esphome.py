@@ -182,8 +182,6 @@ class _Package(C99):
         said = f'    unit_of_measurement: "{ascii_unit}"\n' if unit else ""
         temperature, shown = ids[str(firmware.target.temperature_name)], ids[reading.name]
         states = ", ".join(f"id(${{{ids[column]}}}).state" for column in columns)
-        flags = ("NO_READING", "NOT_STARTED")
-        known = {flag for flag, *_ in firmware.flags()}
         compensation = "" if self.compensation is None else COMPENSATION.format(**self.compensation._asdict(), unit="K")
         texts[".yaml"] = YAML.format(
             title=one_line(provenance[0]),
@@ -200,7 +198,7 @@ class _Package(C99):
             temperature=temperature,
             reading=shown,
             given=f", {name}_columns" if columns else "",
-            flags=" | ".join(f"{name.upper()}_{flag}" for flag in flags if any(one.endswith(flag) for one in known)),
+            flags=f"{name.upper()}_NO_READING | {name.upper()}_NOT_STARTED",
         )
         return texts
 

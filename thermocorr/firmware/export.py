@@ -18,7 +18,7 @@ from ..records.numbers import quantity_text
 from ..records.units import difference_unit
 from .c99 import C99
 from .composer import Composer, refuse
-from .finished import Firmware, FirmwareExport, fitted_range, provenance
+from .finished import Firmware, FirmwareExport, provenance
 from .guard import Guard
 from .language import Language
 from .program import Program, TimeCounter, settling
@@ -103,7 +103,7 @@ def export_to(
     refuse([effects[i] for i in removed], language.title)
     folder, stem = _place(path, language)
     static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
-    history = getattr(model.features_, "history_", None)
+    history = model.features_.history_
     T0 = float(static.reference_temperature_)
     target = Target(
         name=prefix(name or stem, language.keywords, language.unfit),
@@ -111,22 +111,20 @@ def export_to(
         period=_period(sampling_period, history),
         reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
         temperature_name=static.temperature_name_,
-        degree=difference_unit(model.reading_.temperature_unit) if hasattr(model, "reading_") else "K",
+        degree=difference_unit(model.reading_.temperature_unit),
         history=history,
     )
     edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
     weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
     parts = [(effects[i], weights[i]) for i in removed]
     program, clock = _compose(model, Program(target, language.keywords), parts)
-    screen = None if history is None else history.screen
+    screen = history.screen
     motions = (
         [] if screen is None else [screen.inputs[name].motion for name in (target.temperature_name, *program.columns)]
     )
     known = [motion for motion in motions if motion is not None]
     guard = Guard(program, known, float(model.residual_std_), float(model.washout_))
-    reading = getattr(model, "reading_", None)
-    gaps = () if reading is None else reading.temperature_gaps
-    firmware = Firmware(program, clock, fitted_range(model), guard, gaps)
+    firmware = Firmware(program, clock, model.reading_.temperature_range, guard, model.reading_.temperature_gaps)
     trial = _trial(model, firmware, parts)
     texts = language.files(firmware, provenance(model, target, effects), trial)
     paths = _write(folder, target.name, texts, outputs or Outputs())
@@ -146,14 +144,15 @@ def export_to(
 def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray]]) -> Trial:
     """The self-test, by the effects themselves."""
     target, history = firmware.target, firmware.target.history
-    step = target.period or (history.usual_step if history is not None else 1.0)
-    given = test_inputs(firmware, _recorded(firmware.program, history), step)
+    step = target.period or history.usual_step
+    recorded = {name: np.asarray(history.record.columns[name], float) for name in firmware.program.columns}
+    given = test_inputs(firmware, recorded, step)
     seconds = _seconds(target, given.steps)
     judged = courses(firmware, given)
     bias, size = reference_bias(target, parts, *judged.now, seconds, given.steps)
     other, _ = reference_bias(target, parts, *judged.twin, seconds, given.steps)
-    changed, bias = bias - other, bias + getattr(model, "_removed_level", 0.0)
-    spread = max(float(np.ptp(bias)), getattr(getattr(model, "reading_", None), "std", 0.0))
+    changed, bias = bias - other, bias + model._removed_level
+    spread = max(float(np.ptp(bias)), model.reading_.std)
     if target.single:
         _warn_of_lost_digits(Cancellation(size, spread))
         _warn_of_coarse_readings(model)
@@ -174,8 +173,8 @@ def _warn_of_lost_digits(found: Cancellation) -> None:
 
 def _warn_of_coarse_readings(model: Any) -> None:
     """Warn where the readings themselves have steps in single precision that are not small against their noise."""
-    reading, noise = getattr(model, "reading_", None), getattr(model, "residual_std_", 0.0)
-    if reading is None or not noise > 0:
+    reading, noise = model.reading_, model.residual_std_
+    if not noise > 0:
         return
     largest = abs(reading.mean) + reading.std
     step = float(np.spacing(np.float32(largest)))
@@ -191,8 +190,8 @@ def _warn_of_coarse_readings(model: Any) -> None:
 
 def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray]]) -> tuple[Program, TimeCounter]:
     """Let every effect write its part."""
-    composer = Composer(program, model.reading_.unit if hasattr(model, "reading_") else "")
-    program.bias_constant += getattr(model, "_removed_level", 0.0)
+    composer = Composer(program, model.reading_.unit)
+    program.bias_constant += model._removed_level
     composer.write(*zip(*parts, strict=True))
     settling(program, float(model.washout_))
     return program, composer.clock
@@ -208,8 +207,6 @@ def _period(given: Any, history: Any) -> float | None:
     if isinstance(given, str) and given == "variable":
         return None
     if isinstance(given, str) and given == "fitted":
-        if history is None:
-            raise ValueError("This model does not know its fitted record: pass sampling_period.")
         return float(history.usual_step)
     return seconds_of(given, "sampling_period")
 
@@ -219,13 +216,6 @@ def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
     if target.period is not None:
         return target.period * np.arange(len(steps))
     return np.asarray(np.cumsum(np.round(steps * 1e6)) / 1e6)
-
-
-def _recorded(program: Program, history: Any) -> dict[Any, np.ndarray]:
-    """Values of the recorded columns for the self-test: fitted rows, or a usual value where these are not known."""
-    if history is None:
-        return {name: np.array([program.references[name]]) for name in program.columns}
-    return {name: np.asarray(history.record.columns[name], float) for name in program.columns}
 
 
 def _write(folder: Path, name: str, texts: dict[str, str], outputs: Outputs) -> tuple[Path, ...]:

@@ -64,13 +64,6 @@ class FirmwareExport:
         return "\n".join(lines)
 
 
-def fitted_range(model: Any) -> tuple[float, float]:
-    """Lowest and highest temperature of the fitted rows."""
-    limits = getattr(model, "temperature_range_", None)
-    low, high = model.reading_.temperature_range if limits is None else limits
-    return float(low), float(high)
-
-
 def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     """Lines of the header's first comment."""
     from .._version import __version__
@@ -78,26 +71,22 @@ def provenance(model: Any, target: Target, effects: list[Any]) -> list[str]:
     lines = [f"{target.name}: dynamic thermal bias, corrected sample by sample. Made by thermocorr {__version__}"]
     lines[0] += f" (Python {platform.python_version()}, numpy {np.__version__}); do not edit."
     lines.append("")
-    reading = getattr(model, "reading_", None)
-    if reading is not None:
-        lines.append(f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}")
-        lines.append(f"Fitted readings: {reading.n_readings}")
-    low, high = fitted_range(model)
-    unit = "" if reading is None else f" {reading.temperature_unit}"
-    unit += "" if reading is None or reading.unit_named else ", as its values have it: the record named no unit"
-    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g}{unit}")
+    reading, history = model.reading_, target.history
+    lines.append(f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}")
+    lines.append(f"Fitted readings: {reading.n_readings}")
+    low, high = reading.temperature_range
+    unit = reading.temperature_unit + (
+        "" if reading.unit_named else ", as its values have it: the record named no unit"
+    )
+    lines.append(f"Temperature: {target.temperature_name}, fitted from {low:.6g} to {high:.6g} {unit}")
     of = "U0, reading" if model.features_.reference is None else "U0, part of the bias, of an error"
     lines.append(f"{of} at the reference temperature {model.reference_temperature_:.10g}: {model.intercept_:.17g}")
-    if target.history is not None:
-        record = target.history.record
-        first, last = (record.times.label(row) for row in (0, target.history.record.segments[-1].stop - 1))
-        lines.append(f"Fitted rows: {target.history.n_fitted}, from {first} to {last}")
-        lines.append(f"Their usual step: {target.history.usual_step:.10g} s")
+    first, last = (history.record.times.label(row) for row in (0, history.record.segments[-1].stop - 1))
+    lines.append(f"Fitted rows: {history.n_fitted}, from {first} to {last}")
+    lines.append(f"Their usual step: {history.usual_step:.10g} s")
     taus = ", ".join(f"{tau:.6g}" for tau in model.time_constants_)
     lines.append(f"Time constants: {taus or 'none'} s")
-    std = getattr(model, "residual_std_", None)
-    if std is not None:
-        lines.append(f"Standard deviation of the fitted residuals: {std:.6g}")
+    lines.append(f"Standard deviation of the fitted residuals: {model.residual_std_:.6g}")
     lines.append(f"Effects removed: {'; '.join(e.label() for e in effects if e.removed_by_correct) or 'none'}")
     kept = "; ".join(e.label() for e in effects if not e.removed_by_correct)
     lines.append(f"Effects kept in the corrected reading: {kept or 'none'}")
@@ -130,7 +119,7 @@ class Firmware:
         clock: TimeCounter,
         limits: tuple[float, float],
         guard: Guard,
-        gaps: tuple[tuple[float, float], ...] = (),
+        gaps: tuple[tuple[float, float], ...],
     ):
         self.program, self.clock, self.target, self.guard = program, clock, program.target, guard
         self.limits = limits

@@ -239,8 +239,7 @@ class Part:
         for other in self.nodes:
             if other.operator == "-" and other.arguments[0] is node and not isinstance(other.arguments[1], Node):
                 return float(other.arguments[1])
-        history = self.target.history
-        return 0.0 if history is None else history.record.moments(node.detail).mean
+        return self.target.history.record.moments(node.detail).mean
 
     def _angle(self, period: float) -> Polynomial:
         """In single precision the phase is a whole number, computed from the counter anew at every sample.

@@ -56,7 +56,7 @@ def reference_bias(
     since the sample before [s].
     """
     elapsed = seconds - seconds[0]
-    began = target.absolute_zero() if target.history is not None else np.nan
+    began = target.absolute_zero()
     record = SimpleNamespace(times=SimpleNamespace(between=lambda later, earlier: began))
     values = {target.temperature_name: temperature, **columns}
     block = ReferenceRows(

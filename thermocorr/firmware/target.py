@@ -77,15 +77,15 @@ class Target:
     reference_temperature: float
     """Temperature from which the code counts, exact in `dtype`."""
     temperature_name: Any
-    degree: str = "K"
+    degree: str
     """Unit of a difference of temperatures."""
-    history: History | None = None
-    """Fitted record, where the model still has it."""
+    history: History
+    """Fitted record."""
 
     @property
     def longest_step(self) -> float | None:
         """Steps longer than this start a new segment [s], as `max_gap` does in Python; None: no step does."""
-        return None if self.fixed or self.history is None else self.history.max_gap
+        return None if self.fixed else self.history.max_gap
 
     @property
     def single(self) -> bool:
@@ -109,14 +109,4 @@ class Target:
 
     def absolute_zero(self) -> float:
         """Absolute time of the first fitted row [s], from which phases of periods count."""
-        return self.fitted_history.between(self.fitted_history.zero, 0)
-
-    @property
-    def fitted_history(self) -> History:
-        """The fitted record; ValueError where the model has forgotten it."""
-        if self.history is None:
-            raise ValueError(
-                "This model does not know the record that it was fitted to, which this export needs (effects with a "
-                "period). Export from the fitted model itself."
-            )
-        return self.history
+        return self.history.between(self.history.zero, 0)

@@ -125,7 +125,9 @@ def guess(
         if temperature is None and reading is not None and not thermometers:
             temperature, why["temperature"] = reading, "its own"
     if temperature is None:
-        exact = [name for name in thermometers if _bare(name) in ("temperature", "ambient_temperature", "temperatur")]
+        exact = [
+            name for name in thermometers if bare_name(name) in ("temperature", "ambient_temperature", "temperatur")
+        ]
         found = exact[:1] or moving(frame, thermometers)
         if len(found) > 1:
             temperature = leading(frame, found)
@@ -137,7 +139,7 @@ def guess(
         in_doubt["temperature"] = tuple(others)
     if reading is None:
         called = [name for name in measured if READINGS.search(name_and_unit(name)[0].strip())]
-        exact = [name for name in numbers if _bare(name) == "reading" and name != temperature]
+        exact = [name for name in numbers if bare_name(name) == "reading" and name != temperature]
         found = next((names for names in (exact, called, measured, others) if len(names) == 1), [])
         if found:
             reading = found[0]
@@ -222,7 +224,7 @@ def named_time(names: Sequence[str]) -> str | None:
     ('Datetime[UTC+8]', None)
     """
     exact = {name: name for name in reversed(names)}
-    bare = {_bare(name): name for name in reversed(names) if _bare(name) != "t"}
+    bare = {bare_name(name): name for name in reversed(names) if bare_name(name) != "t"}
     cut = {re.split(r"[\[(<,]", name)[0].strip().lower(): name for name in reversed(names) if name.strip() != "T"}
     cut.pop("t", None)
     return next((known[name] for known in (exact, bare, cut) for name in TIME_NAMES if name in known), None)
@@ -285,8 +287,9 @@ def _plain(name: str) -> str:
     return re.sub(r" \(column \d+\)$", "", name)
 
 
-def _bare(name: str) -> str:
-    return name_and_unit(name)[0].strip().lower()
+def bare_name(name: object) -> str:
+    """A column's name without its unit, in small letters."""
+    return name_and_unit(str(name))[0].strip().lower()
 
 
 def _is_temperature(name: str, frame: pd.DataFrame) -> bool:

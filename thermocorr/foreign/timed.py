@@ -15,10 +15,10 @@ from ..records import RecordError
 from ..records.errors import quoted, times_word
 from ..records.times import dates_once, steps_back_an_hour, summer_time_text
 from ..records.types import kind_of
-from ..records.units import name_and_unit, unit_of
+from ..records.units import unit_of
 from .clocks import SPANS, Understood, clocks_of_digits, understood
 from .how import ForeignTable, HowToRead
-from .roles import zone_in_name
+from .roles import bare_name, zone_in_name
 from .values import first_cell, is_moment
 
 DATES = ("date", "datum", "day", "tag")
@@ -74,7 +74,7 @@ DAY_NUMBERS = ("day", "tag", "doy", "jday", "day of year", "day_of_year")
 
 def _with_days(frame: pd.DataFrame, read: Understood, column: str) -> tuple[pd.DataFrame, Understood]:
     """Times of day with the numbers of their days, which stand in a column of their own."""
-    name = next((n for n in frame.columns if _plain_name(n) in DAY_NUMBERS and n != column), None)
+    name = next((n for n in frame.columns if bare_name(n) in DAY_NUMBERS and n != column), None)
     if name is None or kind_of(read.times) != "span" or kind_of(frame[name]) != "number":
         return frame, read
     days = frame[name].astype(float)
@@ -92,11 +92,11 @@ FRACTIONS = {"fractional seconds": 1.0, "fraction": 1.0, "ms": 1e-3, "msec": 1e-
 
 def _with_fraction(frame: pd.DataFrame, read: Understood, column: str) -> tuple[pd.DataFrame, Understood]:
     """Dates to the second with the fractions that stand in a column of their own."""
-    name = next((n for n in frame.columns if _plain_name(n) in FRACTIONS and n != column), None)
+    name = next((n for n in frame.columns if bare_name(n) in FRACTIONS and n != column), None)
     times = None if name is None else dates_once(read.times)
     if times is None or kind_of(times) not in ("date", "span") or kind_of(frame[name]) != "number":
         return frame, read
-    part = frame[name].astype(float) * FRACTIONS[_plain_name(name)]
+    part = frame[name].astype(float) * FRACTIONS[bare_name(name)]
     whole = times.dt.microseconds if kind_of(times) == "span" else times.dt.microsecond
     if not part.between(0, 1, inclusive="left").all() or (whole != 0).any() or part.nunique() < 2:
         return frame, read
@@ -140,7 +140,7 @@ def in_seconds(frame: pd.DataFrame, column: str) -> Understood | None:
             f"{quoted(column)} has numbers, and {said!r} is no unit of time that is known. Say what they are with "
             "--time-format, such as --time-format seconds."
         )
-    dates = next((n for n in frame.columns if n != column and _plain_name(n) in DATES and _is_date(frame[n])), None)
+    dates = next((n for n in frame.columns if n != column and bare_name(n) in DATES and _is_date(frame[n])), None)
     if dates is not None:
         raise RecordError(
             f"{quoted(dates)} has dates, and {quoted(column)} numbers that are no times of day such as 2340. Write "
@@ -175,7 +175,7 @@ _NO_UNIT = re.compile(r"UTC|GMT|local|[A-Z]{3,4}$|[dDmMyYhHsS]+[-/.: ][dDmMyYhHs
 
 def _unit_in_name(column: str) -> str:
     """The unit of time that a name ends with in a word; "" for none."""
-    words = [word for word in re.split(r"[\s_.(\[/]+", _plain_name(column)) if word]
+    words = [word for word in re.split(r"[\s_.(\[/]+", bare_name(column)) if word]
     return UNITS_IN_NAMES.get(words[-1], "") if words else ""
 
 
@@ -204,8 +204,8 @@ class _Parted(NamedTuple):
 
 def _in_text(frame: pd.DataFrame, column: str) -> pd.DataFrame:
     """The frame with dates such as 20240531 and times of day such as 2340, side by side in numbers, as text."""
-    dates = next((n for n in frame.columns if _plain_name(n) in DATES and (n == column or _is_date(frame[n]))), None)
-    clocks = next((n for n in frame.columns if _plain_name(n) in (*CLOCKS, "hhmm") and n != dates), None)
+    dates = next((n for n in frame.columns if bare_name(n) in DATES and (n == column or _is_date(frame[n]))), None)
+    clocks = next((n for n in frame.columns if bare_name(n) in (*CLOCKS, "hhmm") and n != dates), None)
     if dates is None or clocks is None or column not in (dates, clocks) or kind_of(frame[clocks]) != "number":
         return frame
     shown = clocks_of_digits(frame[clocks])
@@ -253,7 +253,7 @@ def date_and_clock(frame: pd.DataFrame, column: str) -> tuple[str, str] | None:
         return None
     wanted = DATES if clock_only else CLOCKS
     fits = [name for name in frame.columns if name != column and _is_part(frame[name], ":" if date_only else "")]
-    other = next((name for name in fits if _plain_name(name) in wanted), fits[0] if len(fits) == 1 else None)
+    other = next((name for name in fits if bare_name(name) in wanted), fits[0] if len(fits) == 1 else None)
     if other is None:
         return None
     return (str(other), column) if clock_only else (column, str(other))
@@ -272,10 +272,6 @@ def _is_part(values: pd.Series[Any], mark: str) -> bool:
 
 def _has_date(cell: str) -> bool:
     return any(mark in cell.split(":")[0] for mark in "/-.") or " " in cell.split(":")[0].strip()
-
-
-def _plain_name(name: object) -> str:
-    return name_and_unit(str(name))[0].strip().lower()
 
 
 def _sorted(table: ForeignTable, column: str) -> ForeignTable:

@@ -18,7 +18,7 @@ from ..effects import Rate, SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..estimators import DynamicBiasRegressor
-from ..estimators.holdout import rms
+from ..estimators.averages import rms
 from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
@@ -28,6 +28,7 @@ from ..pages import figures
 from ..pages.charts import recorded
 from ..pages.html import percent_text, quantity
 from ..records import Record, RecordError, RecordWarning
+from ..records.errors import noted
 from ..records.numbers import Scale, scale_of, span_texts
 from ..records.types import kind_of
 from .acts import Arrangement
@@ -152,10 +153,8 @@ def fitted(
     Raises RecordError, ValueError: what the fit says of unusable data and settings.
     """
     data = data_of(source, arrangement)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as said:
         model = unfitted(arrangement, codec, base or DynamicBiasRegressor()).fit(data.X, data.learned)
-        said = [str(w.message) for w in caught if issubclass(w.category, RecordWarning)]
         curves, timeline = curves_of(model, data, store)
     return Fitted(
         arrangement=arrangement,

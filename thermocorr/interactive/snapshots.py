@@ -285,8 +285,7 @@ def _judged(found: Fitted) -> dict[str, Any]:
 
 def _left(judged: Diagnosis, scale: Scale) -> list[str]:
     """Residual that no cause explains."""
-    said = [printable(words) for words in left_sentences(judged.left, scale, judged.verdict)]
-    return [f"With what is named below added: {said[0][0].lower()}{said[0][1:]}", *said[1:]] if judged.causes else said
+    return [printable(words) for words in left_sentences(judged.left, scale, judged.verdict)]
 
 
 def _place(row: Any, found: Fitted) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import sys
-import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -18,8 +17,8 @@ from ..datasets import load_voltage_reference, make_record
 from ..effects import CATALOGUE
 from ..effects.protocol import Effect
 from ..foreign import ForeignTable, HowToRead, read_logs, with_times
-from ..records import RecordError, RecordWarning
-from ..records.errors import existing_file
+from ..records import RecordError
+from ..records.errors import existing_file, noted
 from ..records.times import dates_once
 
 
@@ -118,10 +117,8 @@ def opened(
     for files that cannot be read.
     """
     how, digest = how or HowToRead(), fingerprint(paths)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RecordWarning)
+    with noted() as notes:
         table = read_logs(paths, how, join=join)
-    notes = [str(w.message) for w in caught if issubclass(w.category, RecordWarning)]
     table = table.with_said(table.frame, *notes)
     if not all(isinstance(column, str) for column in table.frame.columns):
         table = table.with_said(table.frame.rename(columns=str))

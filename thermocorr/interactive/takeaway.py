@@ -197,14 +197,16 @@ def _cell(kind: str, text: str) -> dict[str, Any]:
 
 
 def _title(source: ReadLog) -> str:
-    return f"The thermal bias of {_plain(source.name)}, as it was learned on the workbench."
+    return f"The thermal bias of {printable(source.name)}, as it was learned on the workbench."
 
 
 def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
     """Chapters of the script."""
     arrangement = found.arrangement
     effects = [effect for _, effect in as_effects(found.model.effects)]
-    steps = [f"{number}. {_plain(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)]
+    steps = [
+        f"{number}. {printable(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)
+    ]
     done = "\n".join(["The model, and what was done:", *steps]) if steps else "The model."
     return [
         Chapter("What it needs.", _imports(source, effects, own_file)),
@@ -306,10 +308,6 @@ def code(effect: Effect) -> str:
 def _usual(cls: type) -> dict[str, Any]:
     """Defaults of a class's parameters."""
     return {name: parameter.default for name, parameter in inspect.signature(cls).parameters.items()}
-
-
-def _plain(text: str) -> str:
-    return printable(text)
 
 
 class Kind(NamedTuple):

@@ -13,8 +13,7 @@ from ..effects import CATALOGUE, LagProducts, SeveralSteps, StaticPolynomial, Th
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..equations.noise import made_from, shows_the_same
-from ..estimators.averages import with_exact
-from ..estimators.holdout import rms
+from ..estimators.averages import rms, with_exact
 from ..estimators.input_errors import MANY
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor

@@ -17,8 +17,8 @@ from ..displays.words import each_row, effect_text, left_sentences, small_senten
 from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
+from ..estimators.averages import rms
 from ..estimators.heteroscedasticity import BURST
-from ..estimators.holdout import rms
 from ..estimators.out_of_sample import OutOfSample
 from ..estimators.tables import VERDICTS
 from ..pages import DiagnosisPage, PageData

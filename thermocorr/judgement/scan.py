@@ -178,8 +178,6 @@ def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, ro
 
 DATED = (Step.kind, SensitivityStep.kind, Disturbance.kind)
 """Kinds that are looked for at every row, not on a grid of candidates."""
-MANY: tuple[Key, ...] = ((Step.kind, None), (Disturbance.kind, None))
-"""Kinds, and their columns, that may occur several times in a record."""
 
 
 def tries(n: int) -> dict[Key, int]:

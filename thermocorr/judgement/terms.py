@@ -23,7 +23,6 @@ from ..effects.thermal import seconds_array
 from ..equations import decays
 from ..equations.sensor_artefacts import spikes
 from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
-from ..estimators.fitted import lags_of
 from ..estimators.heteroscedasticity import evenness
 from ..estimators.out_of_sample import OutOfSample
 from ..estimators.regressor import DynamicBiasRegressor
@@ -240,9 +239,9 @@ def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tu
     """
     own = [effect for effect in model.features_.effect_list() if isinstance(effect, InitialTransient)]
     later = [OwnStart(effect, slowest, slice(1, None)) for effect in own if len(record.segments) > 1]
-    taus, lags = lags_of(model)
-    kept = taus <= slowest
-    taus, coefficients = taus[kept], model.coef_[lags][kept]
+    lags = model.features_.first_of(ThermalLag)[1]
+    kept = model.time_constants_ <= slowest
+    taus, coefficients = model.time_constants_[kept], model.coef_[lags][kept]
     before = [Before(taus, coefficients, rank) for rank in (1, 2) if own and len(taus) >= rank]
     return list(later), [*(OwnStart(effect, slowest, slice(1)) for effect in own), *before]
 

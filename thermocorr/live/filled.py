@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -15,7 +16,6 @@ import pandas as pd
 
 from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor
-from ..estimators.imputation import StandIn
 from ..estimators.uncertainty.joint import ErrorWalk
 from ..records import History, RecordError, seconds_of
 from ..records.errors import quoted
@@ -79,8 +79,8 @@ class Clock:
             "rows": self._row,
             "seconds": self._seconds,
             "timedelta": self._span,
-            "datetime": self._date,
-            "datetime with time zone": self._zoned_date,
+            "datetime": partial(self._date, zoned=False),
+            "datetime with time zone": partial(self._date, zoned=True),
         }
         self.stamp = convert[self.kind]
         """Function that turns one time into its stamp; RecordError for what is no time of this kind."""
@@ -135,26 +135,15 @@ class Clock:
             raise self._refuse(time, "a time span or a number of seconds")
         return self._within_range(value.value, time) if value.unit == "ns" else self._nanoseconds(value, time)
 
-    def _date(self, time: Any) -> int:
-        kind = type(time)
-        if kind is pd.Timestamp and time.tzinfo is None:
+    def _date(self, time: Any, zoned: bool) -> int:
+        kind, wanted = type(time), f"a date {'with' if zoned else 'without'} a time zone"
+        if kind is pd.Timestamp and (time.tzinfo is not None) == zoned:
             return self._nanoseconds(time, time)
-        if kind is datetime and time.tzinfo is None:
-            return self._within_range((time - _EPOCH) // _MICROSECOND * 1000, time)
-        date = self._parsed(time, "a date without a time zone")
-        if date.tzinfo is not None:
-            raise self._refuse(time, "a date without a time zone")
-        return self._nanoseconds(date, time)
-
-    def _zoned_date(self, time: Any) -> int:
-        kind = type(time)
-        if kind is pd.Timestamp and time.tzinfo is not None:
-            return self._nanoseconds(time, time)
-        if kind is datetime and time.tzinfo is not None:
-            return self._within_range((time - _EPOCH_UTC) // _MICROSECOND * 1000, time)
-        date = self._parsed(time, "a date with a time zone")
-        if date.tzinfo is None:
-            raise self._refuse(time, "a date with a time zone")
+        if kind is datetime and (time.tzinfo is not None) == zoned:
+            return self._within_range((time - (_EPOCH_UTC if zoned else _EPOCH)) // _MICROSECOND * 1000, time)
+        date = self._parsed(time, wanted)
+        if (date.tzinfo is not None) != zoned:
+            raise self._refuse(time, wanted)
         return self._nanoseconds(date, time)
 
     def _nanoseconds(self, value: Any, time: Any) -> int:
@@ -455,8 +444,14 @@ class LiveFilling:
     def one(self, stamp: Any, run: Any, values: dict[Any, float], clock: Clock) -> Any:
         """Look at one sample as `rows` does; one that lacks nothing and feels nothing is kept for later."""
         begins = not self._pending and (self.last is None or run != self.run)
-        plain = not begins and run == self.run and self._felt is None and stamp > self._newest()
-        if plain and all(self._is_plain(one, values[one.column], stamp) for one in self.filling.stand_ins):
+        plain = (
+            not begins
+            and run == self.run
+            and self._felt is None
+            and stamp > (self._pending[-1][0] if self._pending else self.last)
+        )
+        given = [(values[one.column], one.limits) for one in self.filling.stand_ins]
+        if plain and all(math.isfinite(value) and not limits.reason(value, stamp) for value, limits in given):
             self._pending.append((stamp, values))
             # Samples that lack nothing are looked at together: one by one takes seventeen times as long
             if len(self._pending) == 256:
@@ -466,13 +461,6 @@ class LiveFilling:
         felt = self.rows(np.array([stamp]), run, arrays, clock)[0].tolist()
         values.update({name: float(value[0]) for name, value in arrays.items()})
         return felt
-
-    def _newest(self) -> Any:
-        return self._pending[-1][0] if self._pending else self.last
-
-    @staticmethod
-    def _is_plain(one: StandIn, value: float, stamp: Any) -> bool:
-        return value - value == 0.0 and not one.limits.reason(value, stamp)
 
     def _catch_up(self, clock: Clock) -> None:
         """Look at the samples that lack nothing."""

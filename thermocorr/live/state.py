@@ -18,6 +18,7 @@ from ..files.codec import (
     items,
     label,
     number,
+    numbers,
     pack,
     positive,
     unexpected,
@@ -275,13 +276,11 @@ def _behind_gap(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tup
         return ()
     laws = model._gap_error().laws
     return tuple(
-        None if each is None else tuple(_finite(items(each, f"{where}[{i}]", len(law.weights) ** 2), f"{where}[{i}]"))
+        None
+        if each is None
+        else tuple(numbers(each, f"{where}[{i}]", len(law.weights) ** 2, -LARGEST, LARGEST).tolist())
         for i, (each, law) in enumerate(zip(items(node, where, len(laws)), laws, strict=True))
     )
-
-
-def _finite(values: list[Any], where: str) -> list[float]:
-    return [number(value, f"{where}[{k}]", -LARGEST, LARGEST) for k, value in enumerate(values)]
 
 
 def _tracked(node: Any, where: str, settings: StreamSettings) -> tuple[float, float | None] | None:

@@ -83,6 +83,18 @@ def option(name: str, value: str = "...") -> str:
     return way(flag if value in ("...", "True") else f"{flag} {shlex.quote(value.strip(chr(39)))}", f"{name}={value}")
 
 
+@contextmanager
+def noted() -> Iterator[list[str]]:
+    """Collect the messages of record warnings, in place of showing them."""
+    notes: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RecordWarning)
+        try:
+            yield notes
+        finally:
+            notes += (str(one.message) for one in caught if issubclass(one.category, RecordWarning))
+
+
 def warn(text: str) -> None:
     """Warn of something in a record, at the line outside of this package that led to it: there it is said once."""
     frame, level = inspect.currentframe(), 1

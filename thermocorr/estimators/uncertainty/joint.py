@@ -171,7 +171,7 @@ class NoiseModel:
         return np.asarray(total * (runs[:, None] == runs) * size[:, None] * size)
 
     def of_mean(self, seconds: np.ndarray, runs: np.ndarray | None = None) -> tuple[float, float]:
-        """Variances of the mean of readings at times [s]: unforeseen part, wandering parts.
+        """Variances of the mean of readings at times [s]: white noise, wandering parts.
 
         With the number of each reading's run, shape (n,): the noise of different runs is independent.
         """

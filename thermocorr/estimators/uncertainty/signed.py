@@ -289,7 +289,7 @@ class Uncertainty:
                 BudgetLine(quantity=name, estimate=estimate, uncertainty=mean[part] ** 0.5, unit=unit,
                      dof=self._dof_of(part), sensitivity=sensitivity, cause=CAUSES[part])
                 for part, name, estimate, sensitivity in (
-                    ("noise", "reading, unforeseen noise", float(np.mean(self.corrected[at] + self.bias[at])), 1.0),
+                    ("noise", "reading, white noise", float(np.mean(self.corrected[at] + self.bias[at])), 1.0),
                     ("wander", "reading, wandering noise", np.nan, 1.0),
                     ("coefficients", "bias, coefficients", float(np.mean(self.bias[at])), -1.0),
                     ("level", "bias, level", np.nan, -1.0),

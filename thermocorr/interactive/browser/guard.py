@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections.abc import Iterable
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import cookie_parser
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -69,7 +68,7 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin != f"http://{host}":
             return _refused("Another site may not use the workbench.")
-        query = dict(_pairs(scope.get("query_string", b"").decode("latin-1")))
+        query = QueryParams(scope.get("query_string", b""))
         if "token" in query and scope["path"] == "/" and scope["method"] == "GET":
             return self._exchanged(query["token"], self._known(headers))
         if headers.get("sec-fetch-site") not in SAME:
@@ -96,12 +95,6 @@ class Guard:
     def _known(self, headers: Headers) -> bool:
         given = cookie_parser(headers.get("cookie", "")).get(self.cookie, "")
         return hmac.compare_digest(given.encode(), self._secret.encode())
-
-
-def _pairs(query: str) -> Iterable[tuple[str, str]]:
-    for part in query.split("&"):
-        name, _, value = part.partition("=")
-        yield name, value
 
 
 def _refused(sentence: str) -> Response:
