@@ -226,11 +226,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             warn(note)
         return record
 
-    def taking(self, read: DiffusiveFeatures) -> DiffusiveFeatures:
-        """These features, with what `read` found of the same data for others."""
+    def taking(self, reader: DiffusiveFeatures) -> DiffusiveFeatures:
+        """These features, with what others found when they read the same data."""
         for name in ("n_features_in_", "feature_names_in_", "screen_", "filling_"):
-            if hasattr(read, name):
-                setattr(self, name, getattr(read, name))
+            if hasattr(reader, name):
+                setattr(self, name, getattr(reader, name))
         return self
 
     def learn_from(self, record: Record) -> None:

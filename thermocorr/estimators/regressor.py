@@ -15,7 +15,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
-from ..records import Block, Log, Record
+from ..records import Block, Record
 from ..records.errors import warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, penalty
@@ -199,21 +199,20 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with one_blas_thread():
             say("reading the record")
             self._degree, self.search_ = self.degree, None
-            read = self._unfitted_features((), RunLevels())
-            record = read.read(X, y, sample_weight, mask)
+            reader = self._unfitted_features((), RunLevels())
+            record = reader.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
             self.search_ = choose(self, record, reading, say)
-            believed, prior = self._learn(read, record, reading, say)
+            believed, prior = self._learn(reader, record, reading, say)
             covered = Coverage.of(record, self.degree if prior is None else 0)
             if prior is None and covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
                 self.search_ = choose(self, record, reading, say)
-                believed, prior = self._learn(read, record, reading, say)
-            spoilt = believed is not record and record.weight is None and not isinstance(X, Log)
-            if spoilt and self.search_ is not None:
+                believed, prior = self._learn(reader, record, reading, say)
+            if self.search_ is not None and believed is not record:  # the first choice had to use all readings
                 self.search_ = choose_again(self, believed, say)
-                believed, prior = self._learn(read, record, reading, say)
+                believed, prior = self._learn(reader, record, reading, say)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed, prior)
         # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
@@ -227,11 +226,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
     def _learn(
-        self, read: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]
+        self, reader: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]
     ) -> tuple[Record, LawPrior | None]:
         """Learn the coefficients; returns the record without spoilt readings, and what was known before."""
         time_constants = self.time_constants if not self.search_ else self.search_.parameter
-        features = self._unfitted_features(time_constants).taking(read)
+        features = self._unfitted_features(time_constants).taking(reader)
         prior = known_before(self, features)
         features.learn_from(record)
         n_columns = sum(effect.n_columns() for effect in features.effect_list())
