@@ -10,7 +10,7 @@ import pytest
 from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, TimeConstantSearch, compare_variants
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Interaction, LaggedCovariate, Periodic
-from thermocorr.estimators.cutting import equal_edges
+from thermocorr.effects.stream import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 

@@ -8,12 +8,12 @@ from sklearn.base import clone
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Drift, InitialTransient, StaticPolynomial, Step, ThermalLag
+from thermocorr.effects.stream import equal_edges
 from thermocorr.equations import lag_differences, solve_ridge
 from thermocorr.equations.leastsquares import Preconditioned
 from thermocorr.estimators import fitting as fitting
 from thermocorr.estimators import fused as binned
 from thermocorr.estimators import fused as fused_columns
-from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 

@@ -6,10 +6,9 @@ import pytest
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.effects import InitialTransient, StaticPolynomial, ThermalLag
-from thermocorr.effects.stream import own_starts, walk
+from thermocorr.effects.stream import equal_edges, own_starts, walk
 from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
-from thermocorr.estimators.cutting import equal_edges
 from thermocorr.estimators.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 

@@ -3,6 +3,8 @@
 A block of one row costs a hundred times what its arithmetic costs. So the expression that an effect's `signals` says is
 written as a Python function of one sample, a line for each operation, with an object for each word that remembers; its
 states are those of `Effect.columns`. An effect with `columns` of its own is run by blocks of one row.
+
+Blocks fit the cache; stretches of time, which have factors of their own, are cut from them.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -433,3 +436,38 @@ def _by_blocks(effect: Effect, times: Times, zero: float, temperature_name: obje
         now = state
 
     return Stepper(step, start, lambda: now)
+
+
+N_CHUNKS = 20
+"""Stretches of time whose factors are kept apart for standard errors."""
+
+
+def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
+    """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
+    return int(np.clip(-(-n_used // n_chunks), 2048, BLOCK_ROWS))
+
+
+def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
+    """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included.
+
+    Where readings hold less than half of the record, that part is cut, see `Record.read_places`.
+    """
+    starts = np.array([segment.start for segment in record.segments])
+    before = np.cumsum([0, *(segment.n_rows for segment in record.segments)])
+    low, high = record.read_places
+    first, last = 0, record.n_used
+    if (low, high) != (0, record.n_rows):
+        own = np.clip(np.searchsorted(starts, (low, high - 1), side="right") - 1, 0, None)
+        first, last = (before[own] + (low, high) - starts[own]).tolist()
+    wanted = np.unique(first + np.arange(1, n_chunks) * (last - first) // n_chunks)
+    segment = np.searchsorted(before, wanted, side="right") - 1
+    return np.unique(np.concatenate(([0], starts[segment] + wanted - before[segment], [record.n_rows])))
+
+
+def pieces(edges: np.ndarray, block: Block) -> Iterator[tuple[int, slice]]:
+    """The stretches between `edges` that the rows of a block fall into, and which of the rows each has."""
+    first, last = np.searchsorted(edges, (block.start, block.stop - 1), side="right").tolist()
+    ends = block.first_from(edges[first - 1 : last + 1]).tolist()
+    for chunk, (low, high) in enumerate(pairwise(ends), start=first - 1):
+        if low < high:
+            yield chunk, slice(low, high)

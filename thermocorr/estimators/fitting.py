@@ -14,12 +14,11 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
-from ..effects.stream import Walked, own_starts, walk
+from ..effects.stream import Walked, block_rows, own_starts, pieces, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..equations.leastsquares import BorderedFactor
 from ..records import BLOCK_ROWS, Record, RecordError
 from .coverage import flat_effects
-from .cutting import block_rows, pieces
 from .fused import Binned, Binning, FusedColumns, FusedSweep, can_be_fused
 from .progress import one_blas_thread
 

@@ -17,14 +17,13 @@ import numpy as np
 
 from ..effects import InitialTransient, ThermalLag
 from ..effects.protocol import Effect
-from ..effects.stream import own_starts, walk
+from ..effects.stream import own_starts, pieces, walk
 from ..equations import LagState, TriangularFactor
 from ..equations.compiled import is_compiled, read_only
 from ..equations.lags import FELT, factors_of_two_steps
 from ..equations.leastsquares import WIDE, BorderedFactor, Crossed, Preconditioned
 from ..records import Block, History, Record
 from ..records.history import HISTORY_ROWS
-from .cutting import pieces
 
 
 @dataclass(frozen=True, kw_only=True)

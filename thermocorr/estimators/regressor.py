@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
+from ..effects.stream import equal_edges
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
 from ..records import Block, Record
@@ -20,7 +21,6 @@ from ..records.errors import warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, penalty
 from .coverage import Coverage
-from .cutting import equal_edges
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, require_rows, standard_errors, sweep_effects
 from .identifiability import doubts_of

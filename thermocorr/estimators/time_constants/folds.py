@@ -16,10 +16,10 @@ import numpy as np
 from ...effects import InitialTransient, ThermalLag
 from ...effects.covariates import ColumnLags
 from ...effects.protocol import Effect
+from ...effects.stream import equal_edges
 from ...equations import TriangularFactor
 from ...equations.subsets import Fold, fold_of, set_errors
 from ...records import Record, Segment
-from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
 from ..fitting import Swept, sweep_effects
 from .spectrum import DECAY_SHARE, GridLayout, grown

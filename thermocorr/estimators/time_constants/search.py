@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ...effects.stream import equal_edges
 from ...effects.thermal import PLAIN, seconds_array
 from ...equations import RidgeSolution, TriangularFactor, solve_ridge
 from ...records import Record, RecordError
 from ...records.gaps import rows_apart
 from ...records.numbers import span_texts
-from ..cutting import equal_edges
 from ..features import DiffusiveFeatures
 from ..fitting import Swept, require_rows, standard_errors
 from ..reading import Reading, check_plausible
