@@ -285,6 +285,7 @@ BLUE, VERMILION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#737373", "#222222"
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Okabe & Ito's palette, which colour-blind readers can tell apart."""
+PALE = "#B8C4CE"
 SHADE = "#F0E442"
 SEQUENTIAL = "viridis"
 MARKED = 100

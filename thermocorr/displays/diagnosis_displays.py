@@ -23,6 +23,7 @@ from .axes import (
     GREY,
     MARKED,
     ORANGE,
+    PALE,
     SKY,
     VERMILION,
     Display,
@@ -183,7 +184,6 @@ def _name(step: Any) -> str:
 
 
 SHOWN = 8
-PALE = "#B8C4CE"
 COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_value", "share", "confusable_with"]
 
 

@@ -21,6 +21,7 @@ from .axes import (
     COLOURS,
     GREY,
     ORANGE,
+    PALE,
     SEQUENTIAL,
     Display,
     TimeLine,
@@ -417,9 +418,6 @@ def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame |
     if fitted.search_ is None or fitted.search_.spectrum is None:
         return None, None
     return None, pd.DataFrame(fitted.search_.spectrum)
-
-
-PALE = "#B8C4CE"
 
 
 @dataclass(eq=False)

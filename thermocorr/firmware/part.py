@@ -127,7 +127,6 @@ def without(monomial: Monomial, atom: int) -> Monomial:
 
 
 _TURN = 2**64
-_CALLS = ("exp", "log1p", "sin", "cos")
 
 
 class Part:
@@ -207,7 +206,7 @@ class Part:
             return power
         if op == "/":
             return self._quotient(args[0], args[1], stage)
-        if op in _CALLS:
+        if op in ("exp", "log1p", "sin", "cos"):
             return self._call(op, args[0], stage)
         if op in ("maximum", "minimum"):
             return self._extreme(args[0], args[1], ">" if op == "maximum" else "<", stage)

@@ -35,7 +35,6 @@ BEGINNINGS = {
 """How files begin that are no text, whatever their names say."""
 MOST_UNPACKED = 1 << 31
 """Bytes that a packed file may become."""
-CHUNK = 1 << 22
 
 
 def refuse_unread(path: Path) -> None:
@@ -81,7 +80,7 @@ def unpacked(path: Path) -> tuple[bytes, str]:
 def _bounded(packed: Any, path: Path) -> bytes:
     """All that a packed file holds, as long as that is a log."""
     parts, size = [], 0
-    while part := packed.read(CHUNK):
+    while part := packed.read(1 << 22):
         size += len(part)
         if size > MOST_UNPACKED:
             raise RecordError(

@@ -27,7 +27,6 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16", "UTF-16"),
 )
 """What a file may begin with, the codec that reads it, and its name."""
-_LOOKED_AT = 4000
 
 
 class Decoded(NamedTuple):
@@ -77,7 +76,7 @@ def decoded(content: bytes, named: str | None = None) -> Decoded | None:
 
 def _without_mark(content: bytes) -> str:
     """UTF-16 whose mark is missing: text of Latin letters has a zero in every other byte."""
-    head = content[:_LOOKED_AT]
+    head = content[:4000]
     half = len(head) // 2
     if half < 4:
         return ""
@@ -249,8 +248,6 @@ TOTALS = (
     "count", "summe", "mittelwert", "mittel", "gesamt", "moyenne", "somme", "promedio", "suma",
 )  # fmt: skip
 """First cells, in small letters, of what programs write below the rows."""
-REMARKS = ("comment", "comments", "remark", "kommentar")
-"""Names of a last column that rows need not have: LabVIEW's measurement files are written so."""
 
 
 class Looked(NamedTuple):
@@ -416,7 +413,8 @@ def _is_row(row: list[str], look: Looked) -> bool:
 
 
 def _is_header(row: list[str], look: Looked) -> bool:
-    if len(row) == look.width + 1 and row[-1].strip().lower() in REMARKS:
+    # Names of a last column that rows need not have: LabVIEW's measurement files are written so
+    if len(row) == look.width + 1 and row[-1].strip().lower() in ("comment", "comments", "remark", "kommentar"):
         row = row[:-1]
     if len(row) != look.width or sum(map(bool, map(str.strip, row))) < len(row) / 2:
         return False

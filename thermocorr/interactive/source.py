@@ -54,9 +54,6 @@ SAMPLES = {
 """Name -> record. What is hidden is for the diagnosis to find; in one of them it is nothing."""
 
 
-CHUNK = 1 << 20
-
-
 @dataclass(frozen=True, kw_only=True)
 class ReadLog:
     """A log, read."""
@@ -140,7 +137,7 @@ def fingerprint(paths: Sequence[str | Path]) -> str:
             raise RecordError(f"{path} is no regular file. Name the log's file.")
         try:
             with Path(path).open("rb") as file:
-                while chunk := file.read(CHUNK):
+                while chunk := file.read(1 << 20):
                     digest.update(chunk)
         except OSError as error:
             raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None

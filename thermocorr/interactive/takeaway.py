@@ -34,8 +34,6 @@ from .tiles import Store
 
 FORMAT, VERSION = "thermocorr session", 1
 SWITCHES = ("sort", "skip_bad_rows", "drop_duplicates")
-LISTS = ("no_times", "names", "missing")
-"""What is true or false in `HowToRead`, and what is a list; all else is text."""
 OWN = "Give the file of your own effects, as you did before: --effects my_effects.py"
 
 
@@ -135,7 +133,7 @@ def _source(node: Any, folder: Path) -> ReadLog:
     known = tuple(item.name for item in dataclasses.fields(HowToRead))
     given = fields(node["how"], "$.log.how", (), known)
     for name, value in given.items():
-        if name in LISTS:
+        if name in ("no_times", "names", "missing"):
             given[name] = tuple(text(item, f"$.log.how.{name}") for item in items(value, f"$.log.how.{name}"))
         elif (type(value) is not bool) if name in SWITCHES else (value is not None and not isinstance(value, str)):
             raise ModelFileError(f"$.log.how.{name} holds {value!r}, which does not belong there")

@@ -16,9 +16,6 @@ from typing import Any
 
 import numpy as np
 
-_LINE_ENDS = ("Zl", "Zp")
-"""Categories of the separators of lines and paragraphs: they end a line as a newline does."""
-
 
 def printable(text: object, kept: str = "") -> str:
     r"""Text in which nothing steers a terminal or reorders what is read.
@@ -43,7 +40,8 @@ def printable(text: object, kept: str = "") -> str:
 
 def _steers(character: str) -> bool:
     category = unicodedata.category(character)
-    return category.startswith("C") or category in _LINE_ENDS
+    # Categories of the separators of lines and paragraphs: they end a line as a newline does
+    return category.startswith("C") or category in ("Zl", "Zp")
 
 
 _WITHIN = (__name__.partition(".")[0], "contextlib")

@@ -22,7 +22,6 @@ from .types import kind_of
 
 LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, np.datetime64, np.timedelta64)
 """What may label a run: dates and spans of pandas are dates and spans of Python too."""
-_NS = 1_000_000_000
 
 
 def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.Index[Any]]:
@@ -65,7 +64,7 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
 def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> None:
     """Refuse labels that are dates and spans which no clock of nanoseconds reaches: no file could keep them."""
     if isinstance(names, pd.DatetimeIndex | pd.TimedeltaIndex):
-        unit = _NS // UNITS[names.unit]
+        unit = 1_000_000_000 // UNITS[names.unit]
         far = np.flatnonzero((names.asi8 > LATEST // unit) | (names.asi8 < EARLIEST // unit))
         if len(far):
             seconds = int(names.asi8[far[0]]) // UNITS[names.unit]

@@ -25,9 +25,6 @@ from .types import Role, kind_of, require_role
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
-TABLES = ("pyarrow", "duckdb", "modin", "ibis", "cudf", "pyspark", "sqlframe")
-"""Packages whose tables narwhals reads."""
-
 
 def as_pandas(X: Any) -> Any:
     """A table of another package as a pandas one (times as in pandas, missing values as NaN); anything else as it is.
@@ -43,7 +40,8 @@ def as_pandas(X: Any) -> Any:
     if package == "polars":
         X = X.collect() if type(X).__name__ == "LazyFrame" else X
         return _from_polars(X) if type(X).__name__ == "DataFrame" else X
-    if package not in TABLES:
+    # Packages whose tables narwhals reads
+    if package not in ("pyarrow", "duckdb", "modin", "ibis", "cudf", "pyspark", "sqlframe"):
         return X
     try:
         import narwhals
@@ -263,10 +261,6 @@ _LARGEST = {
     "N": 6, "T": 0, "m": 3, "g": 3, "s": 0, "rad": 0, "strain": 0, "Gal": 0,
 }  # fmt: skip
 """Units that take prefixes, with the largest power of ten that people write with them."""
-_NO_PREFIX = ("pH",)
-"""What only looks as if it had a prefix."""
-_ENDS = ("", " ", "/", "*", "\u00b7")
-"""What may follow a unit with a prefix: m/s, but not m3 nor V^2."""
 _LEAST, _MOST = 0.1, 1e4
 """A number between these reads well in the unit that it came in; smaller ones are written from `_LEAST` on as well."""
 UNKNOWN = "-"
@@ -364,7 +358,8 @@ def prefixed(unit: str) -> tuple[Prefixed, ...]:
     """A unit with each prefix that it takes, the smallest first; empty for one that takes none."""
     head, rest = _head(unit)
     prefix, bare = prefix_and_unit(head)
-    if bare not in _LARGEST or rest[:1] not in _ENDS:
+    # What may follow a unit with a prefix: m/s, but not m3 nor V^2
+    if bare not in _LARGEST or rest[:1] not in ("", " ", "/", "*", "\u00b7"):
         return ()
     own = _POWERS[prefix]
     powers = [power for power in _WRITTEN if power <= _LARGEST[bare]]
@@ -376,7 +371,8 @@ def prefixed(unit: str) -> tuple[Prefixed, ...]:
 
 def prefix_and_unit(unit: str) -> tuple[str, str]:
     """Prefix of a unit and the unit without it: ``("m", "V")``; "" and the unit itself where there is none."""
-    if unit not in _LARGEST and unit not in _NO_PREFIX and unit[:1] in _POWERS and unit[1:] in _LARGEST:
+    # What only looks as if it had a prefix
+    if unit not in _LARGEST and unit != "pH" and unit[:1] in _POWERS and unit[1:] in _LARGEST:
         return unit[:1], unit[1:]
     return "", unit
 

@@ -20,9 +20,6 @@ from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 LOOKS = ("piece", "cloud", "charts")
 """Questions that are answered from what is known, and change nothing."""
 WORDS = {"open": "reading the log", "do": "fitting the model", "take": "writing"}
-CANCELLED = "Cancelled: everything stands as it was."
-STOPPED = "Stopped. Judge again to go on."
-GONE = "These curves are no longer there."
 
 
 class Desk:
@@ -84,7 +81,7 @@ class Desk:
         found = None if self.bench is None else self.bench.current
         if found is not None:
             for name in ("errors", "diagnosis"):
-                found.said.setdefault(name, STOPPED)
+                found.said.setdefault(name, "Stopped. Judge again to go on.")
             found.charts = found.charts or []
 
     def hear(self, message: dict[str, Any]) -> None:
@@ -102,10 +99,10 @@ class Desk:
             if what in LOOKS:
                 work()
             elif not self.carried(work) and (self.bench is None or self.bench.past is before):
-                raise RecordError(CANCELLED)
+                raise RecordError("Cancelled: everything stands as it was.")
         except Exception as error:  # effects of the user's own raise whatever they like
             gone = isinstance(error, NoSuchCurve) or (what in LOOKS and isinstance(error, OSError))
-            problem = GONE if gone else sentence(error)
+            problem = "These curves are no longer there." if gone else sentence(error)
             self.tell({"kind": "failed", "number": number, "problem": problem, "gone": gone})
             return
         if what not in LOOKS:

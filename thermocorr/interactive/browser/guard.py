@@ -22,8 +22,6 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-SAME = (None, "same-origin", "none")
-"""What a browser says of where a request comes from, if it is this page or the address bar."""
 
 
 class Guard:
@@ -71,7 +69,8 @@ class Guard:
         query = QueryParams(scope.get("query_string", b""))
         if "token" in query and scope["path"] == "/" and scope["method"] == "GET":
             return self._exchanged(query["token"], self._known(headers))
-        if headers.get("sec-fetch-site") not in SAME:
+        # What a browser says of where a request comes from, if it is this page or the address bar
+        if headers.get("sec-fetch-site") not in (None, "same-origin", "none"):
             return _refused("Another site may not use the workbench.")
         if scope["method"] not in ("GET", "HEAD") and origin is None:
             return _refused("Only the page of the workbench may do this.")

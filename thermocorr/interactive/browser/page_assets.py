@@ -16,8 +16,6 @@ OWN = ("elements.js", "desk.js", "wire.js", *SCREEN, "start.js", "workbench.css"
 """What the page of the program has, in the order in which it is loaded."""
 WIDGET = ("elements.js", "desk.js", "notebook.js", *SCREEN)
 """What a notebook has instead: messages of the kernel, and no page of its own."""
-ALONE = ("open", "samples", "cancel")
-"""Parts that only a page of its own has: the kernel's own button interrupts a notebook."""
 STATIC = (*SHARED, "elements.js", "desk.js", *SCREEN, "try.js", "workbench.css")
 """What a page without a server has."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
@@ -42,7 +40,10 @@ def page() -> str:
 def body() -> str:
     """Content of the workbench's element; a notebook opens no other log."""
     lines = template("body.html").splitlines(keepends=True)
-    return "".join(line for line in lines if not any(f'data-part="{part}"' in line for part in ALONE))
+    # Parts that only a page of its own has: the kernel's own button interrupts a notebook
+    return "".join(
+        line for line in lines if not any(f'data-part="{part}"' in line for part in ("open", "samples", "cancel"))
+    )
 
 
 @cache

@@ -13,8 +13,6 @@ from ...pages.charts import packed, packed_times
 from ..tiles import MOST_PIECES, PIECES, Tiles
 
 MOST_CURVES = 64
-APART = ("begins", "row")
-"""What stands with the curves and is none."""
 MEAN = "mean "
 """Beginning of the name of an averaged curve."""
 
@@ -64,7 +62,8 @@ def cloud_of(tiles: Tiles, curves: dict[str, str], asked: Mapping[str, str]) -> 
 
 
 def _curve(curves: dict[str, str], name: str) -> str:
-    if name not in curves or name in APART:
+    # What stands with the curves and is none
+    if name not in curves or name in ("begins", "row"):
         raise NoSuchCurve(name)
     return curves[name]
 

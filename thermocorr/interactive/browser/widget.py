@@ -26,8 +26,6 @@ from ..tiles import Store
 from . import page_assets
 from .desk import Desk
 
-IN_MEMORY = "data in memory"
-
 
 def workbench(model: DynamicBiasRegressor, X: Any, y: Any, *, suspects: Sequence[type[Effect]] = ()) -> Any:
     """Compare a model with its record, see what is missing, add it and watch the error fall, in a notebook.
@@ -95,7 +93,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         max_gap=model.max_gap,
     )
     base.set_params(temperature=ambient)
-    source = ReadLog(table=ForeignTable(frame=frame), name=IN_MEMORY)
+    source = ReadLog(table=ForeignTable(frame=frame), name="data in memory")
     folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
     bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=base)
     weakref.finalize(bench, folder.cleanup)
