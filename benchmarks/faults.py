@@ -1,6 +1,6 @@
 """Faults of real sensors in each input of a model: does any row behind them lie without a word?
 
-    python benchmarks/faults.py                                # every effect, 3 seeds: in use, and in the fit
+    python benchmarks/faults.py                                # every effect, 3 seeds
     python benchmarks/faults.py --first 40 --kinds covariate lagged_covariate --verbose
     python benchmarks/faults.py --clean ../shared/records      # rows of sound records that are flagged
 
@@ -8,45 +8,34 @@ A device has the columns of one effect beside a static law and a lag of ten minu
 A model is fitted to 3000 sound rows; in 600 later rows one input has one fault. A row is wrong where the fault moves
 the corrected reading by more than five times the noise, and silent where it has no flag. `batch`: the whole record;
 `live`: one by one, then in blocks; `C`: the exported code. A thermometer that walks off slowly and one that stands
-still for the first rows look like a room: they are counted apart. In the fit: a note, and the residual over that of the
-sound record.
+still for the first rows look like a room: they are counted apart.
 """
 
-from __future__ import annotations
-
-import argparse
 import shutil
 import sys
 import tempfile
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
-import real_diagnosis
+import real_records
+from common import asked, seeds_of
 from effect_records import EXAMPLES
 from firmware_runs import compile_c, run_c, start_of
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError, RecordWarning
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.effects import Covariate
 from thermocorr.effects.protocol import Effect
 from thermocorr.firmware import export_c
 
 FITTED, LATER, STEP = 3000, 600, 60.0
-AT = 150
-"""Row of the later record in which the fault begins."""
+AT = 150  # row of the later record in which the fault begins
 WORTH, NOISES = 30.0, 5.0
-BIT = 0.0625 * 2**7
-"""A flipped bit of a thermometer with steps of 1/16 K: 8 K."""
-SCALES = {"temperature": 1.0, "humidity": 8.0}
-"""Size of what each input does by itself."""
-UNSEEN = ("drift", "stuck")
-"""Faults that begin like a room."""
+BIT = 0.0625 * 2**7  # a flipped bit of a thermometer with steps of 1/16 K: 8 K
+SCALES = {"temperature": 1.0, "humidity": 8.0}  # size of what each input does by itself
+UNSEEN = ("drift", "stuck")  # faults that begin like a room
 Answer = tuple[np.ndarray, np.ndarray]
 
 
@@ -135,19 +124,6 @@ def exported(model: DynamicBiasRegressor, fitted: pd.DataFrame, X: pd.DataFrame,
     return run
 
 
-class Row(NamedTuple):
-    """What a fault does."""
-
-    effect: str
-    input: str
-    fault: str
-    way: str
-    silent: int
-    wrong: int
-    worst: float
-    flagged: int
-
-
 def ways(model: DynamicBiasRegressor, device: Device, folder: str) -> dict[str, Callable[..., Answer]]:
     """How the model can be used."""
     found: dict[str, Callable[..., Answer]] = {"batch": batch}
@@ -161,7 +137,8 @@ def ways(model: DynamicBiasRegressor, device: Device, folder: str) -> dict[str, 
     return found
 
 
-def in_use(label: str, device: Device, rng: np.random.Generator, folder: str) -> Iterator[Row]:
+def in_use(label: str, device: Device, rng: np.random.Generator, folder: str) -> Iterator[dict[str, Any]]:
+    """Rows that are silent, wrong and flagged, and the worst silent error, for each fault."""
     model, y, clean = device.fit(), device.reading[FITTED:], device.X[FITTED:]
     for way, run in ways(model, device, folder).items():
         sound = run(model, clean, y)[0]
@@ -173,34 +150,22 @@ def in_use(label: str, device: Device, rng: np.random.Generator, folder: str) ->
                     continue
                 error = np.nan_to_num(np.abs(corrected - sound))
                 quiet = (error > NOISES) & (flags == "")
+                counts = {
+                    "silent": int(quiet.sum()),
+                    "wrong": int((error > NOISES).sum()),
+                    "flagged": (flags != "").sum(),
+                }
                 worst = float(error[quiet].max(initial=0.0))
-                flagged = int((flags != "").sum())
-                yield Row(label, column, name, way, int(quiet.sum()), int((error > NOISES).sum()), worst, flagged)
-
-
-def in_fit(label: str, device: Device, rng: np.random.Generator) -> Iterator[tuple[str, str, str, float, bool]]:
-    """Effect, input, fault, residual over that of the sound record, and whether a note was made."""
-    usual, sound = device.fit().residual_std_, device.X[:FITTED]
-    for column in device.inputs:
-        for name, values in faults(sound[column].to_numpy(), 1500, SCALES[column], rng):
-            try:
-                with warnings.catch_warnings(record=True) as caught:
-                    warnings.simplefilter("always")
-                    model = device.fit(sound.assign(**{column: values}))
-            except RecordError:
-                yield label, column, name, 1.0, True
-                continue
-            yield label, column, name, model.residual_std_ / usual, bool(caught or model.notes_)
+                yield {"effect": label, "input": column, "fault": name, "way": way, "worst": worst, **counts}
 
 
 def clean_rows(folder: str) -> None:
     """Rows of the last 30 % of measured records that the gates flag, every other column being an input too."""
     rows, flagged = 0, 0
-    for name, (X, y, temperature, n) in real_diagnosis.every(folder).items():
-        kept = [
-            c for c in X if c not in (temperature, "run") and X[c].dtype.kind in "fi" and X[c][:n].notna().mean() > 0.9
-        ]
-        effects = [Covariate(column) for column in kept if X[column][:n].std() > 0]
+    for name, (X, y, temperature, n) in real_records.every(folder).items():
+        known = X[:n].select_dtypes("number").drop(columns=temperature)
+        kept = known.columns[(known.notna().mean() > 0.9) & (known.std() > 0) & (known.columns != "run")]
+        effects = [Covariate(column) for column in kept]
         model = DynamicBiasRegressor(temperature, degree=1, run="run" if "run" in X else None, effects=effects)
         flags = model.fit(X[:n], y[:n]).flags(X[n:], y[n:])
         found = int(np.isin(flags, ("jump", "doubtful input")).sum())
@@ -210,39 +175,29 @@ def clean_rows(folder: str) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--kinds", nargs="*", default=[])
-    parser.add_argument("--clean", metavar="FOLDER")
-    parser.add_argument("--verbose", action="store_true")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", RecordWarning)
+    every = ["none", *dict.fromkeys(effect.kind for effect in EXAMPLES)]
+    options = asked(__doc__, first=0, seeds=3, kinds=every, clean=str, verbose=False)
     if options.clean:
         clean_rows(options.clean)
         return 0
-    used, fitted = [], []
+    used = []
     for effect in (None, *EXAMPLES):
-        label = "none" if effect is None else effect.label()
-        if options.kinds and (effect is None or effect.kind not in options.kinds):
+        if (effect.kind if effect else "none") not in options.kinds:
             continue
-        for seed in range(options.first, options.first + options.seeds):
+        label = effect.label() if effect else "none"
+        for seed in seeds_of(options):
             device, rng = Device(effect, seed), np.random.default_rng(seed)
             with tempfile.TemporaryDirectory() as folder:
                 used += in_use(label, device, rng, folder)
-            fitted += in_fit(label, device, rng)
-    found = pd.DataFrame(used, columns=list(Row._fields))
+    found = pd.DataFrame(used)
     counts = {"silent": ("silent", "sum"), "wrong": ("wrong", "sum"), "worst": ("worst", "max")}
     table = found.groupby(["fault", "way"], sort=False).agg(**counts, flagged=("flagged", "mean"))
     print(table.round(1).to_string())
-    fits = pd.DataFrame(fitted, columns=["effect", "input", "fault", "residual", "noted"])
-    shares = {"median": ("residual", "median"), "worst": ("residual", "max"), "noted": ("noted", "mean")}
-    print(fits.groupby(["input", "fault"], sort=False).agg(**shares).round(2).to_string())
     if options.verbose:
-        print(found[found["silent"] > 0].to_string(), fits[fits["residual"] > 1.05].to_string(), sep="\n")
-    silent = found.loc[~found["fault"].isin(UNSEEN), "silent"].sum()
-    print(f"{silent} silent rows of {found.loc[~found['fault'].isin(UNSEEN), 'wrong'].sum()} wrong ones")
-    return int(silent > 0)
+        print(found[found["silent"] > 0].to_string())
+    said = found[~found["fault"].isin(UNSEEN)]
+    print(f"{said['silent'].sum()} silent rows of {said['wrong'].sum()} wrong ones")
+    return int(said["silent"].sum() > 0)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,6 @@ anywhere, in pieces, with restarts, refused rows and damaged dates; expected is 
 same without times, against a twin with times. command: `correct` writes the readings of `analyze`, to the last digit.
 """
 
-from __future__ import annotations
-
-import argparse
 import contextlib
 import io
 import json
@@ -25,8 +22,8 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
-from living.logs import COLUMNS, DAY, NS, Layout, random_log
-from living.oracle import GAP, differences, gap_of
+from common import asked
+from living import COLUMNS, DAY, GAP, NS, Layout, differences, gap_of, random_log
 from sklearn.preprocessing import SplineTransformer
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, save_model
@@ -222,13 +219,13 @@ def case(seed: int, number: int, counts: Counter) -> list[str]:
         return command_case(rng, counts) if kind == "command" else stream_case(rng, counts, kind == "stream")
 
 
-def main(cases: int, seed: int, only: int | None) -> int:
-    counts: Counter = Counter()
-    for number in range(cases) if only is None else [only]:
+def main() -> int:
+    options, counts = asked(__doc__, cases=2000, seed=0, only=int), Counter()
+    for number in range(options.cases) if options.only is None else [options.only]:
         try:
-            found = case(seed, number, counts)
+            found = case(options.seed, number, counts)
         except Exception as error:
-            if only is not None:
+            if options.only is not None:
                 raise
             found = [f"failed: {error!r}"]
         counts["cases that differ"] += bool(found)
@@ -238,7 +235,4 @@ def main(cases: int, seed: int, only: int | None) -> int:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, default in {"cases": 2000, "seed": 0, "only": None}.items():
-        parser.add_argument(f"--{name}", type=int, default=default)
-    sys.exit(main(**vars(parser.parse_args())))
+    sys.exit(main())

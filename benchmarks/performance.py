@@ -11,9 +11,6 @@ new), in three tries. What is stored only falls, lest a noisy run loosens the ch
 hand where it has to grow.
 """
 
-from __future__ import annotations
-
-import argparse
 import io
 import json
 import os
@@ -21,15 +18,16 @@ import platform
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
+from common import asked
 from scipy.linalg.blas import dsyrk
 from scipy.signal import lfilter
 from sklearn.base import BaseEstimator, TransformerMixin
@@ -38,7 +36,7 @@ from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import make_pipeline
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, TimeConstantSearch, diagnose
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, diagnose
 from thermocorr.foreign import read_log
 from thermocorr.records.times import dates_once
 
@@ -46,6 +44,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, STORED = ROOT / "docs" / "performance.md", ROOT / "benchmarks" / "ratios.json"
 TAUS = (60.0, 240.0, 900.0, 3600.0, 14_400.0, 43_200.0)
 STEP = 15.0
+LFILTER = "lfilter and Ridge(cholesky)"
 WORSE = 1.5
 TRIES = 3
 
@@ -60,10 +59,7 @@ class Line(NamedTuple):
     ours: Run
     other: Run
     repeats: int = 7
-    quick: bool = True
-    """Whether it belongs to the check."""
-    scale: float = 1.0
-    """Runs of ours that one run of the other stands for."""
+    scale: float = 1.0  # runs of ours that one run of the other stands for
 
 
 class Lags(TransformerMixin, BaseEstimator):
@@ -72,16 +68,13 @@ class Lags(TransformerMixin, BaseEstimator):
     def __init__(self, time_constants: tuple[float, ...] = TAUS):
         self.time_constants = time_constants
 
-    def fit(self, X: np.ndarray, y: object = None) -> Lags:
+    def fit(self, X: np.ndarray, y: object = None) -> Self:
         return self
 
     def transform(self, X: np.ndarray) -> np.ndarray:
         T = X[:, 0]
-        columns = [T]
-        for tau in self.time_constants:
-            a = np.exp(-STEP / tau)
-            columns.append(lfilter([1 - a], [1, -a], T, zi=[a * T[0]])[0] - T)
-        return np.column_stack(columns)
+        keep = [np.exp(-STEP / tau) for tau in self.time_constants]
+        return np.column_stack([T, *(lfilter([1 - a], [1, -a], T, zi=[a * T[0]])[0] - T for a in keep)])
 
 
 def record(n: int, jitter: float = 0.0) -> tuple[pd.DataFrame, pd.Series]:
@@ -101,37 +94,32 @@ def by_hand(X: pd.DataFrame, y: pd.Series) -> None:
     Ridge(alpha=1e-10, solver="cholesky").fit(np.column_stack([Lags().transform(T), *decays]), y)
 
 
-def floor(X: pd.DataFrame) -> Run:
+READY = np.asfortranarray(np.random.default_rng(1).normal(size=(8192, 15)))
+
+
+def floor(X: pd.DataFrame) -> None:
     """One read, and the cross products of ready blocks of 15 columns: the least that least squares could do."""
-    ready = np.asfortranarray(np.random.default_rng(1).normal(size=(8192, 15)))
-
-    def run() -> None:
-        X["temperature"].to_numpy().sum()
-        for _ in range(-(-len(X) // 8192)):
-            dsyrk(1.0, ready, trans=1)
-
-    return run
+    X["temperature"].to_numpy().sum()
+    for _ in range(-(-len(X) // len(READY))):
+        dsyrk(1.0, READY, trans=1)
 
 
-def fits(n: int, quick: bool) -> list[Line]:
+def in_rows(n: int) -> str:
+    """A number of rows with blanks between thousands."""
+    return f"{n:,} rows".replace(",", " ")
+
+
+def fits(n: int) -> list[Line]:
     """Fits of n rows."""
     X, y = record(n)
     uneven, y_uneven = record(n, jitter=0.5)
     model = DynamicBiasRegressor(time_constants=TAUS, degree=1)
     repeats = 15 if n < 500_000 else 5
-    rows = f"{n:,} rows".replace(",", " ")
-    what, ours = f"fit of 6 time constants, {rows}", lambda: model.fit(X, y)
+    rows, ours, irregular = in_rows(n), partial(model.fit, X, y), partial(model.fit, uneven, y_uneven)
     return [
-        Line(what, "lfilter and Ridge(cholesky)", ours, lambda: by_hand(X, y), repeats, quick),
-        Line(f"fit, {rows}", "ready cross products (floor)", ours, floor(X), repeats, quick),
-        Line(
-            f"fit of irregular steps, {rows}",
-            "of regular ones",
-            lambda: model.fit(uneven, y_uneven),
-            ours,
-            repeats,
-            quick,
-        ),
+        Line(f"fit of 6 time constants, {rows}", LFILTER, ours, partial(by_hand, X, y), repeats),
+        Line(f"fit, {rows}", "ready cross products (floor)", ours, partial(floor, X), repeats),
+        Line(f"fit of irregular steps, {rows}", "of regular ones", irregular, ours, repeats),
     ]
 
 
@@ -141,14 +129,14 @@ def segments() -> list[Line]:
     runs = X.assign(run=np.arange(len(X)) * 300 // len(X))
     many = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same")
     rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same", initial_state="equilibrium")
-    what, fitted = "300 runs with start-up decays, 84 000 rows", lambda: many.fit(runs, y)
+    what, fitted = "300 runs with start-up decays, 84 000 rows", partial(many.fit, runs, y)
     return [
-        Line(f"fit of {what}", "without the decays", fitted, lambda: rest.fit(runs, y), 5),
-        Line(f"predict of {what}", "its fit", lambda: many.predict(runs), fitted, 5),
+        Line(f"fit of {what}", "without the decays", fitted, partial(rest.fit, runs, y), 5),
+        Line(f"predict of {what}", "its fit", partial(many.predict, runs), fitted, 5),
     ]
 
 
-def searches(n: int, sets: int, quick: bool) -> Line:
+def searches(n: int, sets: int) -> Line:
     """1000 sets of 6 time constants in 5 folds; scikit-learn's share is timed over some of them."""
     X, y = record(n)
     pool = np.geomspace(30.0, n * STEP / 3, 24)
@@ -162,12 +150,9 @@ def searches(n: int, sets: int, quick: bool) -> Line:
         make_pipeline(Lags(), Ridge(1e-6, solver="cholesky")), {"lags__time_constants": chosen[:sets]},
         cv=TimeSeriesSplit(5), scoring="neg_root_mean_squared_error", refit=False,
     )  # fmt: skip
-    T = X.to_numpy()
-    rows = f"{n:,} rows".replace(",", " ")
-    what = f"search of 1000 sets in 5 folds, {rows}"
-    against = "GridSearchCV of lfilter and Ridge(cholesky)"
-    repeats = 7 if n < 500_000 else 3
-    return Line(what, against, lambda: search.fit(X, y), lambda: grid.fit(T, y), repeats, quick, 1000 / sets)
+    what, against = f"search of 1000 sets in 5 folds, {in_rows(n)}", f"GridSearchCV of {LFILTER}"
+    ours, other = partial(search.fit, X, y), partial(grid.fit, X.to_numpy(), y)
+    return Line(what, against, ours, other, 7 if n < 500_000 else 3, 1000 / sets)
 
 
 def others() -> list[Line]:
@@ -193,27 +178,26 @@ def others() -> list[Line]:
         for start in range(0, 5000, 100):
             live.update_many(X[start : start + 100], y[start : start + 100])
 
+    def pandas() -> object:
+        return pd.read_csv(io.BytesIO(content))
+
     plain, german = (Path(tempfile.mkdtemp()) / "log.csv" for _ in range(2))
     table = pd.DataFrame({"time": np.arange(300_000) * STEP, "temperature": 23.456 + np.arange(300_000) % 97 / 7})
     table["reading"] = 10 * table["temperature"]
     table.to_csv(plain, index=False)
     table.to_csv(german, index=False, sep=";", decimal=",")
     content = plain.read_bytes()
-    pandas = lambda: pd.read_csv(io.BytesIO(content))  # noqa: E731
-    given = lambda: model.fit(X, y)  # noqa: E731
-    chosen = lambda: searched.fit(X, y)  # noqa: E731
-    judged = lambda: diagnose(searched, X, y)  # noqa: E731
-    predicted = lambda: model.predict(X)  # noqa: E731
+    given, chosen, predicted = partial(model.fit, X, y), partial(searched.fit, X, y), partial(model.predict, X)
     return [
         Line("predict, 84 000 rows", "its fit", predicted, given),
-        Line("evaluate (corrected, model, residual, flags)", "predict", lambda: model.evaluate(X, y), predicted),
+        Line("evaluate (corrected, model, residual, flags)", "predict", partial(model.evaluate, X, y), predicted),
         Line("live, 5000 samples one by one", "in one block", one_by_one, together, 5, scale=0.1),
         Line("live, 5000 samples in blocks of 100", "one by one", in_hundreds, one_by_one, 5),
         Line("search and fit (defaults), 84 000 rows", "fit of 6 given", chosen, given),
-        Line("diagnose, nothing missing, 84 000 rows", "search and fit", judged, chosen, 3),
-        Line("uncertainties of all rows", "search and fit", lambda: uncertain(searched, X, y), chosen, 3),
-        Line("read plain CSV, 300 000 rows", "pandas.read_csv", lambda: read_log(plain), pandas, 3),
-        Line("read semicolons and decimal commas", "pandas, plain", lambda: read_log(german), pandas, 3),
+        Line("diagnose, nothing missing, 84 000 rows", "search and fit", partial(diagnose, searched, X, y), chosen, 3),
+        Line("uncertainties of all rows", "search and fit", partial(uncertain, searched, X, y), chosen, 3),
+        Line("read plain CSV, 300 000 rows", "pandas.read_csv", partial(read_log, plain), pandas, 3),
+        Line("read semicolons and decimal commas", "pandas, plain", partial(read_log, german), pandas, 3),
     ]
 
 
@@ -225,8 +209,8 @@ def uncertain(model: DynamicBiasRegressor, X: pd.DataFrame, y: pd.Series) -> obj
 
 def lines(check: bool) -> list[Line]:
     """All comparisons, or the quick ones."""
-    quick = [*fits(84_000, True), *segments(), searches(84_000, 10, True), *others()]
-    return quick if check else [*quick, *fits(1_000_000, False), searches(1_000_000, 4, False), long_csv()]
+    quick = [*fits(84_000), *segments(), searches(84_000, 10), *others()]
+    return quick if check else [*quick, *fits(1_000_000), searches(1_000_000, 4), long_csv()]
 
 
 def long_csv(n: int = 3_000_000) -> Line:
@@ -242,14 +226,10 @@ def long_csv(n: int = 3_000_000) -> Line:
         frame = read_log(path).frame
         return frame.assign(time=dates_once(frame["time"]))
 
-    one_thread = csv.ReadOptions(use_threads=False)
-    return Line(
-        "read CSV and its dates, 3 000 000 rows",
-        "pyarrow, one thread",
-        ours,
-        lambda: csv.read_csv(path, read_options=one_thread).to_pandas(),
-        3,
-    )
+    def other() -> object:
+        return csv.read_csv(path, read_options=csv.ReadOptions(use_threads=False)).to_pandas()
+
+    return Line("read CSV and its dates, 3 000 000 rows", "pyarrow, one thread", ours, other, 3)
 
 
 def ratio(line: Line) -> float:
@@ -326,12 +306,7 @@ def checked(found: Line, stored: float) -> float:
 
 
 def main() -> int:
-    """Print the table, write the page, or check the quick lines."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--check", action="store_true")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", RecordWarning)
+    options = asked(__doc__, write=False, check=False)
     stored = json.loads(STORED.read_text())
     found: dict[str, tuple[Line, float]] = {}
     slow = []

@@ -11,20 +11,16 @@ where a column is planted) stand besides the temperature.
 Printed for each record and together: plant among the causes, in a declared set, decoys named, nobody accused.
 """
 
-from __future__ import annotations
-
-import argparse
 import itertools
-import time
-import warnings
 from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from common import asked
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
+from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import load_real_record
 from thermocorr.effects import CATALOGUE, StaticPolynomial, ThermalLag
 from thermocorr.effects.protocol import Effect
@@ -73,13 +69,11 @@ def strangers(folder: str) -> dict[str, np.ndarray]:
     run = load_real_record("vhd200_resistor", folder, run="run10")
     decade = load_real_record("gr1433_resistor", folder)
     columns = {
-        "oldtown/humidity": soil["air_rh_pct"],
-        "oldtown/moisture": soil["soil_moisture_25cm_m3m3"],
-        "hp34420a/pressure": meter["room_pressure_hPa"],
-        "hp34420a/room": meter["room_temp_degC"],
+        "oldtown/humidity": soil["air_rh_pct"], "oldtown/moisture": soil["soil_moisture_25cm_m3m3"],
+        "hp34420a/pressure": meter["room_pressure_hPa"], "hp34420a/room": meter["room_temp_degC"],
         "vhd200/room": run["ambient_temp_degC"],
         "gr1433/humidity": decade["room_rh_pct"] if "room_rh_pct" in decade else decade.iloc[:, 1],
-    }
+    }  # fmt: skip
     return {name: column.astype(float).interpolate().bfill().to_numpy() for name, column in columns.items()}
 
 
@@ -93,9 +87,7 @@ def stretched(column: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarra
 def drawn(kind: str, record: Record, names: list[str], rng: np.random.Generator) -> Effect:
     """One of the kind's candidates, moved a little off the grid."""
     found = CATALOGUE[kind].candidates(record, names)
-    if kind == "lagged_covariate":
-        found = [effect for effect in found if effect.power == 1]
-    if kind == "covariate":
+    if kind in ("covariate", "lagged_covariate"):
         found = [effect for effect in found if effect.power == 1]
     if kind == "step":
         seconds = rng.uniform(0.15, 0.85) * record.times.between(record.stamp(record.n_used - 1), record.first_stamp())
@@ -121,15 +113,11 @@ def planted_column(effect: Effect, record: Record, gain: float) -> np.ndarray | 
     size = judged.smallest(columns[:, 0], gain)
     if not np.isfinite(size):
         return None
-    rows = np.concatenate([np.asarray(part).reshape(len(part), -1).sum(axis=1) for part in _every_row(effect, record)])
-    return size * rows
-
-
-def _every_row(effect: Effect, record: Record) -> Iterator[np.ndarray]:
-    states: dict[int, Any] = {}
+    rows, states = list[np.ndarray](), dict[int, Any]()
     for block in record.blocks():
-        columns, states[block.segment] = effect.columns(block, states.get(block.segment))
-        yield columns
+        part, states[block.segment] = effect.columns(block, states.get(block.segment))
+        rows.append(np.asarray(part).reshape(len(part), -1).sum(axis=1))
+    return size * np.concatenate(rows)
 
 
 @cache
@@ -160,23 +148,16 @@ def plant(folder: str, name: str, kind: str, seed: int, gain: float) -> Planted 
 def judged(case: Planted) -> dict[str, Any]:
     """What the diagnosis makes of a planted effect."""
     model = DynamicBiasRegressor(case.temperature).fit(case.X, case.y)
-    began = time.process_time()
     found = diagnose(model, case.X, case.y)
     named = (*found.causes, *found.small)
     causes = [name_of(cause.effect) for cause in named]
     sets = causes + [name_of(effect) for cause in named for effect in cause.confusable_with]
     own = case.label.partition(":")[2]
     return {
-        "record": case.name,
-        "kind": case.label.split(":")[0],
-        "among": case.label in causes,
-        "declared": case.label in sets,
+        "record": case.name, "kind": case.label.split(":")[0], "among": case.label in causes,
+        "declared": case.label in sets, "nobody": not causes, "causes": causes, "verdict": found.verdict,
         "foreign": any(":" in label and label.split(":")[1] != own for label in causes),
-        "nobody": not causes,
-        "seconds": time.process_time() - began,
-        "causes": causes,
-        "verdict": found.verdict,
-    }
+    }  # fmt: skip
 
 
 def name_of(effect: Effect) -> str:
@@ -186,28 +167,16 @@ def name_of(effect: Effect) -> str:
 
 
 def main() -> None:
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", help="folder of the measured records")
-    parser.add_argument("--gain", type=float, default=40.0, help="of the oracle, in log likelihood (default 40)")
-    parser.add_argument("--kinds", nargs="*", default=list(KINDS))
-    parser.add_argument("--seeds", type=int, nargs="*", default=[7])
-    parser.add_argument("--verbose", action="store_true", help="list what was not named")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", RecordWarning)
-    rows = []
-    for seed, name, kind in itertools.product(options.seeds, _measured(options.folder)[0], options.kinds):
-        case = plant(options.folder, name, kind, seed, options.gain)
-        if case is None:
-            continue
-        rows.append(judged(case))
-        if options.verbose and not rows[-1]["declared"]:
-            print(f"  {name}: {case.label} -> {rows[-1]['verdict']} {rows[-1]['causes']}", flush=True)
-    table = pd.DataFrame(rows)
-    figures = ["among", "declared", "foreign", "nobody", "seconds"]
-    print(table.groupby("kind")[figures].mean().round(2).to_string())
-    print(table.groupby("record")[figures].mean().round(2).to_string())
-    print(f"gain {options.gain}, {len(table)} records: " + ", ".join(f"{f} {table[f].mean():.1%}" for f in figures[:4]))
+    options = asked(__doc__, "folder", gain=40.0, kinds=list(KINDS), seeds=[7], verbose=False)
+    cases = itertools.product(_measured(options.folder)[0], options.kinds, options.seeds)
+    plants = (plant(options.folder, *case, options.gain) for case in cases)
+    table = pd.DataFrame([judged(case) for case in plants if case is not None])
+    if options.verbose:
+        print(table[~table["declared"]].to_string())
+    figures = ["among", "declared", "foreign", "nobody"]
+    for by in ("kind", "record"):
+        print(table.groupby(by)[figures].mean().round(2).to_string())
+    print(f"gain {options.gain}, {len(table)} records: " + ", ".join(f"{f} {table[f].mean():.1%}" for f in figures))
 
 
 if __name__ == "__main__":

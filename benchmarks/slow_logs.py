@@ -10,19 +10,13 @@ four rows behind. Printed for each room and step of the log: records of which so
 missing; and those in which what is hidden is there, worth adding or not.
 """
 
-from __future__ import annotations
-
-import argparse
 import itertools
-import warnings
 
 import numpy as np
 import pandas as pd
+from common import asked, diagnosed, kinds, seeds_of
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose
-
-TICK = 10.0
-"""Step of the simulation [s]."""
+TICK = 10.0  # step of the simulation [s]
 ROOMS = {"brisk": (0.12, 5.0, 0.3, (1500.0,)), "calm": (0.03, 3.0, 15.0, (500.0, 2400.0))}
 """Leak of the air to the outside and heating [1/900 s, K/900 s]; wind [K]; time constants of the device [s]."""
 EFFECTS = {"nothing": "", "knee": "hinge", "play": "hysteresis", "clock": "lead"}
@@ -66,25 +60,14 @@ def _play(x: np.ndarray, half: float) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=4, help="records of each kind (default 4)")
-    parser.add_argument("--first", type=int, default=300, help="first seed (default 300)")
-    parser.add_argument("--rows", type=int, default=3000)
-    parser.add_argument("--steps", type=float, nargs="*", default=[60.0, 150.0, 300.0, 600.0], help="steps [s]")
-    parser.add_argument("--rooms", nargs="*", default=list(ROOMS))
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", RecordWarning)
-    for room, step in itertools.product(options.rooms, options.steps):
+    options = asked(__doc__, seeds=4, first=300, rows=3000, steps=[60.0, 150.0, 300.0, 600.0])
+    for room, step in itertools.product(ROOMS, options.steps):
         said = []
         for hidden, kind in EFFECTS.items():
-            hits = 0
-            for seed in range(options.first, options.first + options.seeds):
-                X, y = simulated(room, seed, step, options.rows, hidden)
-                found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-                there = [cause.effect.kind for cause in (*found.causes, *found.small)]
-                hits += kind in there if kind else bool(found.causes)
-            said.append(f"{'accused' if not kind else hidden} {hits}")
+            records = (simulated(room, seed, step, options.rows, hidden) for seed in seeds_of(options))
+            answers = [diagnosed(X, y) for X, y in records]
+            there = [kind in kinds((*found.causes, *found.small)) if kind else bool(found.causes) for found in answers]
+            said.append(f"{hidden if kind else 'accused'} {sum(there)}")
         print(f"{room}, {step:g} s: of {options.seeds} each: {', '.join(said)}", flush=True)
 
 

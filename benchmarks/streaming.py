@@ -6,9 +6,6 @@ Each job runs in a process of its own, whose peak resident memory is printed bes
 the package: pandas, pyarrow and scikit-learn are most of it. A record of 1e8 rows needs 2 GB of disk for a while.
 """
 
-from __future__ import annotations
-
-import argparse
 import os
 import subprocess
 import sys
@@ -19,6 +16,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported, here and in the processes below
 
 import numpy as np
+from common import asked
 
 TIME_CONSTANTS = (60.0, 240.0, 900.0, 3600.0, 14_400.0, 43_200.0)
 STEP = 15.0
@@ -44,60 +42,34 @@ def write(path: Path, n: int) -> None:
 
 
 def job(name: str, path: str) -> None:
-    """One job; prints seconds, peak memory [MiB] and the coefficients' first digits."""
+    """One job; prints seconds and peak memory [MiB]."""
     from thermocorr import DynamicBiasRegressor, ParquetLog
 
-    _warm()
+    T = np.sin(np.arange(20_000.0)[:, None])  # imports, and compiled code where there is any, are the start-up
+    DynamicBiasRegressor(time_constants=[10.0, 100.0], sampling_period=1.0).fit(T, T[:, 0])
     log = ParquetLog(path)
-    model = DynamicBiasRegressor(
-        "temperature", TIME_CONSTANTS, degree=1, sampling_period=STEP, initial_state="equilibrium"
-    )
+    taus = "auto" if name == "search" else TIME_CONSTANTS
+    model = DynamicBiasRegressor("temperature", taus, degree=1, sampling_period=STEP, initial_state="equilibrium")
     began = time.perf_counter()
-    if name == "search":
-        model.set_params(time_constants="auto")
-    if name in ("fit", "search", "evaluate"):
+    if name != "nothing":
         model.fit(log, log["reading"])
     if name == "evaluate":
         began = time.perf_counter()
-        squares = sum(float((block["residual"] ** 2).sum()) for block in model.evaluate_blocks(log, log["reading"]))
-        print(f"rms {np.sqrt(squares / len(log)):.6f}", end=" ")
-    spent = time.perf_counter() - began
-    coef = ",".join(repr(float(c)) for c in model.coef_) if hasattr(model, "pipeline_") else ""
-    print(f"seconds {spent:.3f} peak {_peak():.0f} coef {coef}")
+        for block in model.evaluate_blocks(log, log["reading"]):
+            block["residual"].sum()
+    spent, status = time.perf_counter() - began, Path("/proc/self/status").read_text()
+    print(spent, int(status.split("VmHWM:")[1].split()[0]) / 1024)
 
 
-def _warm() -> None:
-    """Imports, and compiled code where there is any, are the worker's start-up."""
-    from thermocorr import DynamicBiasRegressor
-    from thermocorr.equations import lag_differences
-
-    lag_differences(np.arange(4.0), np.ones(4), np.ones(1))
-    T = np.sin(np.arange(20_000.0)[:, None])
-    DynamicBiasRegressor(time_constants=[10.0, 100.0], sampling_period=1.0).fit(T, T[:, 0])
-
-
-def _peak() -> float:
-    """Peak resident memory of this process [MiB]."""
-    status = Path("/proc/self/status").read_text()
-    return int(status.split("VmHWM:")[1].split()[0]) / 1024
-
-
-def run(name: str, path: Path) -> tuple[float, float, np.ndarray]:
-    """A job in a process of its own: seconds, peak memory [MiB], coefficients."""
+def run(name: str, path: Path) -> tuple[float, float]:
+    """A job in a process of its own: seconds, peak memory [MiB]."""
     command = [sys.executable, __file__, "--job", name, "--path", str(path)]
-    words = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-    value = {key: words[words.index(key) + 1] for key in ("seconds", "peak")}
-    coef = words[words.index("coef") + 1 :]
-    return float(value["seconds"]), float(value["peak"]), np.array(coef[0].split(","), float) if coef else np.zeros(0)
+    spent, peak = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return float(spent), float(peak)
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rows", type=int, nargs="*", default=[1_000_000, 10_000_000])
-    parser.add_argument("--job", help=argparse.SUPPRESS)
-    parser.add_argument("--path", help=argparse.SUPPRESS)
-    options = parser.parse_args()
+    options = asked(__doc__, rows=[1_000_000, 10_000_000], job=str, path=str)
     if options.job:
         job(options.job, options.path)
         return
@@ -107,14 +79,10 @@ def main() -> None:
             write(path, n)
             imports = run("nothing", path)[1]
             print(f"{n} rows, {path.stat().st_size / 2**20:.0f} MiB file; imports alone {imports:.0f} MiB", flush=True)
-            fitted = run("fit", path)
-            for name in ("evaluate", "search"):
-                spent, peak, _ = run(name, path)
-                print(
-                    f"  {name}: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports"
-                )
-            spent, peak, _ = fitted
-            print(f"  fit: {spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports")
+            for name in ("fit", "evaluate", "search"):
+                spent, peak = run(name, path)
+                said = f"{spent:.2f} s, {spent / n * 1e9:.0f} ns a row, {peak - imports:.0f} MiB above imports"
+                print(f"  {name}: {said}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """A noisy or coarse thermometer: how wrong the static gain is that the defaults learn, and who is named for it.
 
-    python benchmarks/thermometer_noise.py
+    python benchmarks/thermometer_noise.py --first 12 --seeds 36
     python benchmarks/thermometer_noise.py --diagnose
 
 Prints, over simulated devices (two weeks, a row a minute), mean, scatter and worst error of the gain in per cent, and
@@ -11,29 +11,22 @@ With `--diagnose` (6000 rows; lab 60 s, outdoor 600 s, chamber 30 s): verdicts a
 and what is left over what the thermometer's errors are said to make (mean). Seeds 200 to 231 served for tuning.
 """
 
-from __future__ import annotations
-
-import argparse
+import itertools
 import warnings
 from collections import Counter
 
 import numpy as np
 import pandas as pd
+from common import asked, diagnosed, kinds, seeds_of
 
-from thermocorr import DynamicBiasRegressor, diagnose
+from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 
-OWN = ["269 s", "5124 s"]
-"""Time constants of the device, see `thermocorr.datasets`."""
+OWN = ["269 s", "5124 s"]  # time constants of the device, see `thermocorr.datasets`
 THERMOMETERS = {
-    "exact": (0.0, 0.0),
-    "0.02 K noise": (0.02, 0.0),
-    "0.05 K noise": (0.05, 0.0),
-    "0.1 K noise": (0.1, 0.0),
-    "0.0625 K steps": (0.0, 0.0625),
-    "0.1 K steps": (0.0, 0.1),
-    "0.25 K steps": (0.0, 0.25),
-}
+    "exact": (0.0, 0.0), "0.02 K noise": (0.02, 0.0), "0.05 K noise": (0.05, 0.0), "0.1 K noise": (0.1, 0.0),
+    "0.0625 K steps": (0.0, 0.0625), "0.1 K steps": (0.0, 0.1), "0.25 K steps": (0.0, 0.25),
+}  # fmt: skip
 """Standard deviation of the noise, and step [K]."""
 SETTINGS = {"lab": 60.0, "outdoor": 600.0, "chamber": 30.0}
 
@@ -48,22 +41,20 @@ def seen_by(thermometer: str, record: pd.DataFrame, seed: int) -> np.ndarray:
 def gain_error(seed: int, thermometer: str, time_constants: object) -> float:
     """Relative error of the static gain."""
     record, truth = make_record(20_160, seed=seed, sampling_period=60.0, return_truth=True)
-    model = DynamicBiasRegressor("temperature", time_constants)
     X = record[["temperature"]].assign(temperature=seen_by(thermometer, record, seed))
-    model.fit(X, record["reading"])
+    model = DynamicBiasRegressor("temperature", time_constants).fit(X, record["reading"])
     return float(model.coef_[0] / truth.attrs["device"]["sensitivity"] - 1)
 
 
 def gains(seeds: range) -> None:
     """Print the table of gains."""
-    print(f"{'':16s}{'defaults: mean  scatter  worst  within 0.5 %':>46s}{'own lags: the same':>30s}  [%]")
-    for name in THERMOMETERS:
-        line = f"{name:16s}"
-        for taus in ("auto", OWN):
-            errors = 100 * np.array([gain_error(seed, name, taus) for seed in seeds])
-            line += f"{errors.mean():17.3f}{errors.std():9.3f}{np.abs(errors).max():8.3f}"
-            line += f"{np.count_nonzero(np.abs(errors) <= 0.5):6d} of {len(errors)}"
-        print(line, flush=True)
+    for name, (how, taus) in itertools.product(THERMOMETERS, {"defaults": "auto", "own lags": OWN}.items()):
+        errors = 100 * np.array([gain_error(seed, name, taus) for seed in seeds])
+        print(
+            f"{name:15s} {how}: mean {errors.mean():6.3f} %, scatter {errors.std():.3f}, "
+            f"worst {np.abs(errors).max():.3f}, within 0.5 %: {np.mean(np.abs(errors) <= 0.5):.0%}",
+            flush=True,
+        )
 
 
 def verdicts(seeds: range) -> None:
@@ -75,8 +66,8 @@ def verdicts(seeds: range) -> None:
             for seed in seeds:
                 record = make_record(6000, seed=seed, sampling_period=period, setting=setting)
                 X = record.drop(columns="reading").assign(temperature=seen_by(name, record, seed))
-                found = diagnose(DynamicBiasRegressor("temperature").fit(X, record["reading"]), X, record["reading"])
-                said[" + ".join(cause.effect.kind for cause in found.causes) or found.verdict] += 1
+                found = diagnosed(X, record["reading"])
+                said[" + ".join(kinds(found.causes)) or found.verdict] += 1
                 made = found.left.thermometers["wandering"].iloc[0] if found.left.structured else 0.0
                 ratios += [found.left.wandering / made] if made else []
             ratio = f"{np.mean(ratios):.2f}" if ratios else "-"
@@ -84,18 +75,9 @@ def verdicts(seeds: range) -> None:
 
 
 def main() -> None:
-    """Print the tables asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, help="first seed (default 12; with --diagnose 240)")
-    parser.add_argument("--seeds", type=int, help="how many (default 36; with --diagnose 20)")
-    parser.add_argument("--diagnose", action="store_true", help="verdicts instead of gains")
-    options = parser.parse_args()
+    options = asked(__doc__, first=240, seeds=20, diagnose=False)
     warnings.simplefilter("ignore")
-    usual = (240, 20) if options.diagnose else (12, 36)
-    first, count = (
-        given if given is not None else own for given, own in zip((options.first, options.seeds), usual, strict=True)
-    )
-    (verdicts if options.diagnose else gains)(range(first, first + count))
+    (verdicts if options.diagnose else gains)(seeds_of(options))
 
 
 if __name__ == "__main__":

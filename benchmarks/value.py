@@ -4,6 +4,7 @@
     python benchmarks/value.py                        # at most an hour
     python benchmarks/value.py --first 31000          # fresh seeds, instead of those of the stored baseline
     python benchmarks/value.py --parts hidden nothing --verbose
+    python benchmarks/value.py --parts hidden nothing --level LEVEL=0.02      # a threshold of `judgement/levels.py`
 
 Every question is asked of n records and answered by yes or no: the table shows k of n with the 95 % interval of
 Clopper and Pearson, and what benchmarks/value.json has stored of an earlier state (`--write` stores). Records that both
@@ -24,8 +25,6 @@ live, C     a live stream and the exported C code give what `evaluate` gives
 speed       ratios of processor time against the stored ones of `benchmarks/performance.py`
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json
@@ -40,8 +39,7 @@ from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+import hidden_effects
 import interval_coverage
 import live_cases
 import null_records
@@ -49,26 +47,23 @@ import numpy as np
 import pandas as pd
 import performance
 import planted_on_real
-import real_diagnosis
-import several_effects
+import real_records
 import slow_logs
+from common import asked, diagnosed, kinds
 from firmware_runs import KINDS as EXPORTED
 from firmware_runs import errors, fitted, tool
-from hidden_effects import DEVICES, NOTHING, SETTINGS, UNKNOWN
-from hidden_effects import judge as judge_hidden
+from hidden_effects import DEVICES, SETTINGS
 from joblib import Parallel, delayed
 from scipy import stats
 from threadpoolctl import threadpool_limits
 
-from thermocorr import DynamicBiasRegressor, RecordWarning, diagnose, refine
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE
+from thermocorr.judgement import levels
 
 STORED = Path(__file__).with_name("value.json")
-FIRST = 20_000
-"""First seed of the stored baseline."""
-ERROR = 0.025
-"""Probability that a question is called worse although nothing has changed."""
+FIRST = 20_000  # first seed of the stored baseline
+ERROR = 0.025  # probability that a question is called worse although nothing has changed
 Answers = dict[str, Any]
 Job = tuple[str, Callable[..., Answers | None], tuple[Any, ...]]
 """A name, and what gives the answers for it; None where the record cannot be made."""
@@ -79,10 +74,8 @@ class Question(NamedTuple):
 
     part: str
     name: str
-    good: bool | None = True
-    """The answer that is hoped for; None for a figure, of which less is better."""
-    counts: bool = True
-    """Whether it can be worse, or is only reported."""
+    good: bool | None = True  # the answer that is hoped for; None for a figure, of which less is better
+    counts: bool = True  # whether it can be worse, or is only reported
 
 
 QUESTIONS = [
@@ -120,14 +113,14 @@ QUESTIONS = [
 
 # ---- simulated devices ----------------------------------------------------------------------------------------------
 def hidden(kind: str, setting: str, seed: int, strength: float) -> Answers | None:
-    found = judge_hidden(kind, setting, seed, strength)
+    found = hidden_effects.judge(kind, setting, seed, strength)
     if found is None or found["absorbed"]:
         return None
     return {"right cause first": found["first"], "declared": found["named"]}
 
 
 def several(setting: str, seed: int, n: int) -> Answers | None:
-    found = several_effects.judge(setting, seed, n, 1.0, refined=False)
+    found = hidden_effects.judge_several(setting, seed, n, 1.0, refined=False)
     if found is None:
         return None
     all_found = not found["missed"] if found["shown"] else None
@@ -137,28 +130,6 @@ def several(setting: str, seed: int, n: int) -> Answers | None:
 def nothing(kind: str, seed: int, before: int) -> Answers:
     found = null_records.judged(kind, seed, 5000, list(SETTINGS)[seed % 3], before)
     return {"somebody accused": found["accused"], "p <= 0.001": float(str(found["p"])) <= 0.001}
-
-
-def simulated_jobs(part: str, first: int, quick: bool) -> Iterator[Job]:
-    """Names of records with their seeds, and what judges them."""
-    settings = list(SETTINGS)
-    if part == "hidden":
-        kinds = [kind for kind in CATALOGUE if kind not in (*NOTHING, *UNKNOWN)]
-        for seed, kind, strength in itertools.product(range(first, first + (1 if quick else 4)), kinds, (1.0, 0.5)):
-            for setting in settings[:2] if quick else settings:
-                yield f"{kind} {setting} {seed} {strength:g}", hidden, (kind, setting, seed, strength)
-    elif part == "several":
-        for k in range(4 if quick else 12):
-            for n in (2, 3):
-                setting = settings[(k + n) % 3]
-                yield f"{n} {setting} {first + k}", several, (setting, first + k, n)
-    else:
-        for k in range(4 if quick else 20):
-            for kind in null_records.NOISES:
-                yield f"{kind} {first + k}", nothing, (kind, first + k, 0)
-            if k % 2 == 0:
-                for kind in ("white", "2 %", "flicker"):
-                    yield f"{kind} {first + k}, not at rest", nothing, (kind, first + k, 3000)
 
 
 # ---- thermometers that show something else than the device feels ----------------------------------------------------
@@ -183,43 +154,27 @@ def odd_thermometer(kind: str, setting: str, seed: int, knee: bool) -> Answers |
         return None
     seen = ODD[kind](record["temperature"].to_numpy(), step, np.random.default_rng([seed, 3]))
     X, y = record.drop(columns="reading").assign(temperature=seen), record["reading"]
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    found = diagnosed(X, y)
     if knee:
-        kinds = [cause.effect.kind for cause in (*found.causes, *found.small)]
-        return {"true knee found, odd thermometer": "hinge" in kinds}
-    return {"false cause, odd thermometer": any(cause.effect.kind not in TRUE for cause in found.causes)}
+        return {"true knee found, odd thermometer": "hinge" in kinds((*found.causes, *found.small))}
+    return {"false cause, odd thermometer": not set(kinds(found.causes)) <= set(TRUE)}
 
 
 def slow_log(room: str, seed: int, step: float, knee: bool) -> Answers:
     X, y = slow_logs.simulated(room, seed, step, 3000, "knee" if knee else "")
-    found = diagnose(DynamicBiasRegressor("temperature").fit(X, y), X, y)
+    found = diagnosed(X, y)
     if knee:
-        return {"true knee found, slow log": "hinge" in [cause.effect.kind for cause in (*found.causes, *found.small)]}
+        return {"true knee found, slow log": "hinge" in kinds((*found.causes, *found.small))}
     return {"false cause, slow log": bool(found.causes)}
-
-
-def odd_jobs(first: int, quick: bool) -> Iterator[Job]:
-    odd, slow = (range(first, first + count) for count in ((1, 2) if quick else (4, 8)))
-    for seed, kind, setting, knee in itertools.product(odd, ODD, SETTINGS, (False, True)):
-        yield f"{kind} {setting} {seed}{' knee' * knee}", odd_thermometer, (kind, setting, seed, knee)
-    for seed, room, step, knee in itertools.product(slow, slow_logs.ROOMS, (150.0, 300.0), (False, True)):
-        yield f"{room} {step:g} s {seed}{' knee' * knee}", slow_log, (room, seed, step, knee)
 
 
 # ---- measured records -----------------------------------------------------------------------------------------------
 CAUSES = {
-    "vhd200 run10": "ambient_temp_degC",
-    "vhd200 run9 and run10": "ambient_temp_degC",
-    "hp34420a 100mV ch1": "room_temp_degC",
-    "hp34420a 100mV ch2": "room_temp_degC",
-    "oldtown 5 cm": "hinge",
-    "oldtown 25 cm": "hinge",
-    "heater log11.2": "heater_current_A",
-    "groundwater river": "river",
-    "groundwater well": "well",
-    "groundwater step": "river",
-    "groundwater change": "step",
-}
+    "vhd200 run10": "ambient_temp_degC", "vhd200 run9 and run10": "ambient_temp_degC",
+    "hp34420a 100mV ch1": "room_temp_degC", "hp34420a 100mV ch2": "room_temp_degC", "oldtown 5 cm": "hinge",
+    "oldtown 25 cm": "hinge", "heater log11.2": "heater_current_A", "groundwater river": "river",
+    "groundwater well": "well", "groundwater step": "river", "groundwater change": "step",
+}  # fmt: skip
 """Column of the documented cause, or its kind of effect."""
 BEST = {
     "vhd200 run10": 0.108, "hp34420a 100mV ch1": 0.232, "hp34420a 100mV ch2": 0.248, "oldtown 5 cm": 0.62,
@@ -237,23 +192,16 @@ def decibels(before: float, after: float) -> float:
 
 
 def measured(folder: str, name: str) -> Answers:
-    X, y, temperature, n = real_diagnosis.every(folder)[name]
-    degree = 1 if temperature == "recharge_mm" else 2
-    model = DynamicBiasRegressor(temperature, degree=degree, run="run" if "run" in X else None)
-    found = refine(model, X[:n], y[:n])
-    before, after = (
-        float(np.sqrt(np.nanmean(np.asarray(each.residuals(X[n:], y[n:]), float) ** 2)))
-        for each in (model.fit(X[:n], y[:n]), found.model_)
-    )
+    found, before, after = real_records.refined(*real_records.every(folder)[name])
     causes = found.diagnoses[0].causes
     named = [CAUSES.get(name) in planted_on_real.name_of(cause.effect).split(":") for cause in causes]
     promised = decibels(*found.steps["later_rms"].iloc[[0, -1]])
-    changed = len(found.steps) > 1
+    gained = decibels(before, after)
     return {
         "true cause first": bool(named and named[0]) if name in CAUSES else None,
         "true cause among": any(named) if name in CAUSES else None,
-        "refine harms by 0.5 dB": decibels(before, after) < -0.5,
-        "promise within 2 dB": abs(promised - decibels(before, after)) <= 2 if changed else None,
+        "refine harms by 0.5 dB": gained < -0.5,
+        "promise within 2 dB": abs(promised - gained) <= 2 if len(found.steps) > 1 else None,
         "refined over best known [dB]": -decibels(BEST[name], after) if name in BEST else None,
     }
 
@@ -264,19 +212,6 @@ def planted(folder: str, name: str, kind: str, seed: int) -> Answers | None:
         return None
     found = planted_on_real.judged(case)
     return {"among the causes": found["among"], "declared": found["declared"], "foreign column named": found["foreign"]}
-
-
-def measured_jobs(part: str, folder: str, first: int, quick: bool) -> Iterator[Job]:
-    if part == "measured":
-        for name in QUICKLY if quick else real_diagnosis.every(folder):
-            yield name, measured, (folder, name)
-        return
-    soil = part == "planted on soil"
-    names = [name for name, *_ in planted_on_real.backgrounds(folder) if name.startswith("oldtown") == soil]
-    seeds = range(first, first + (1 if quick or soil else 3))
-    for seed, (k, kind) in itertools.product(seeds, enumerate(planted_on_real.KINDS)):
-        for name in (names * 2)[k % len(names) :][: 0 if soil else 3] if quick else names:
-            yield f"{kind} on {name} {seed}", planted, (folder, name, kind, seed)
 
 
 # ---- promises -------------------------------------------------------------------------------------------------------
@@ -311,41 +246,71 @@ def speed(line: performance.Line) -> Answers:
         return {"as fast as stored": performance.checked(line, stored) <= performance.WORSE * stored}
 
 
-def promise_jobs(part: str, first: int, quick: bool) -> Iterator[Job]:
-    if part == "coverage":
-        seeds = range(first, first + (1 if quick else 12))
-        for seed, kind, searched in itertools.product(seeds, interval_coverage.KINDS, (False, True)):
+# ---- the table ------------------------------------------------------------------------------------------------------
+def jobs(part: str, options: argparse.Namespace) -> Iterator[Job]:
+    """Names of a part's records, and what judges each."""
+    first, quick, folder, product = options.first, options.quick, options.records, itertools.product
+    settings = list(SETTINGS)
+
+    def seeds(few: int, many: int) -> range:
+        return range(first, first + (few if quick else many))
+
+    if part == "hidden":
+        for seed, kind, strength in product(seeds(1, 4), CATALOGUE, (1.0, 0.5)):
+            for setting in settings[:2] if quick else settings:
+                yield f"{kind} {setting} {seed} {strength:g}", hidden, (kind, setting, seed, strength)
+    elif part == "several":
+        for seed, n in product(seeds(4, 12), (2, 3)):
+            setting = settings[(seed - first + n) % 3]
+            yield f"{n} {setting} {seed}", several, (setting, seed, n)
+    elif part == "nothing":
+        for seed in seeds(4, 20):
+            for kind in null_records.NOISES:
+                yield f"{kind} {seed}", nothing, (kind, seed, 0)
+            for kind in ("white", "2 %", "flicker") if (seed - first) % 2 == 0 else ():
+                yield f"{kind} {seed}, not at rest", nothing, (kind, seed, 3000)
+    elif part == "odd":
+        for seed, kind, setting, knee in product(seeds(1, 4), ODD, SETTINGS, (False, True)):
+            yield f"{kind} {setting} {seed}{' knee' * knee}", odd_thermometer, (kind, setting, seed, knee)
+        for seed, room, step, knee in product(seeds(2, 8), slow_logs.ROOMS, (150.0, 300.0), (False, True)):
+            yield f"{room} {step:g} s {seed}{' knee' * knee}", slow_log, (room, seed, step, knee)
+    elif part == "measured":
+        for name in QUICKLY if quick else real_records.every(folder):
+            yield name, measured, (folder, name)
+    elif part in ("planted", "planted on soil"):
+        soil = part == "planted on soil"
+        names = [name for name, *_ in planted_on_real.backgrounds(folder) if name.startswith("oldtown") == soil]
+        for seed, (k, kind) in product(seeds(1, 1 if soil else 3), enumerate(planted_on_real.KINDS)):
+            for name in (names * 2)[k % len(names) :][: 0 if soil else 3] if quick else names:
+                yield f"{kind} on {name} {seed}", planted, (folder, name, kind, seed)
+    elif part == "coverage":
+        for seed, kind, searched in product(seeds(1, 12), interval_coverage.KINDS, (False, True)):
             yield f"{kind} {seed}{' searched' * searched}", coverage, (kind, seed, searched)
     elif part == "live":
         for number in range(20 if quick else 200):
             yield f"{number} {first}", live, (number, first)
     elif part == "C":
-        for number, kind in enumerate(EXPORTED):
-            if number % 6 == 0 or not quick:
-                yield kind, exported, (kind,)
+        for kind in list(EXPORTED)[:: 6 if quick else 1]:
+            yield kind, exported, (kind,)
     else:
-        for number, line in enumerate(performance.lines(True)):
-            if number % 4 == 0 or not quick:
-                yield performance.key(line), speed, (line,)
+        for line in performance.lines(True)[:: 4 if quick else 1]:
+            yield performance.key(line), speed, (line,)
 
 
-# ---- the table ------------------------------------------------------------------------------------------------------
-def jobs(part: str, options: argparse.Namespace) -> Iterator[Job]:
-    """Every record of a part."""
-    if part in ("hidden", "several", "nothing"):
-        yield from simulated_jobs(part, options.first, options.quick)
-    elif part == "odd":
-        yield from odd_jobs(options.first, options.quick)
-    elif part in ("planted", "planted on soil", "measured"):
-        yield from measured_jobs(part, options.records, options.first, options.quick)
-    else:
-        yield from promise_jobs(part, options.first, options.quick)
+def change(level: str) -> None:
+    """Give a threshold of the judgement another value, such as LEVEL=0.02, wherever it is used."""
+    name, _, value = level.partition("=")
+    kind = type(vars(levels)[name])
+    for module in [module for key, module in sys.modules.items() if key.startswith("thermocorr.judgement")]:
+        if name in vars(module):
+            setattr(module, name, kind(float(value)))
 
 
-def answered(part: str, job: Job) -> tuple[str, str, Answers | None, float]:
+def answered(part: str, job: Job, level: str) -> tuple[str, str, Answers | None, float]:
     """A record's answers, and the processor time that they took."""
     warnings.simplefilter("ignore")
-    warnings.simplefilter("ignore", RecordWarning)
+    if level:
+        change(level)
     name, judge, arguments = job
     began = sum(os.times()[:4])
     return part, name, judge(*arguments), sum(os.times()[:4]) - began
@@ -405,17 +370,11 @@ def table(found: dict[str, dict[str, Answers]], stored: dict[str, dict[str, Answ
 
 
 def main() -> int:
-    """Ask, print, compare, store."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parts = list(dict.fromkeys(question.part for question in QUESTIONS))
-    parser.add_argument("--quick", action="store_true", help="a part of the records")
-    parser.add_argument("--first", type=int, default=FIRST, help=f"first seed (default {FIRST}: that of the baseline)")
-    parser.add_argument("--records", default="../shared/records", help="folder of the measured records")
-    parser.add_argument("--parts", nargs="*", default=parts, choices=parts, metavar="PART", help=", ".join(parts))
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes (default: all cores)")
-    parser.add_argument("--write", action="store_true", help="store the answers as the baseline")
-    parser.add_argument("--verbose", action="store_true", help="name the records that are answered wrongly")
-    options = parser.parse_args()
+    options = asked(
+        __doc__, quick=False, first=FIRST, records="../shared/records", parts=parts, jobs=os.cpu_count(), write=False,
+        level="", verbose=False,
+    )  # fmt: skip
     warnings.simplefilter("ignore")
     chosen = list(options.parts)
     if not Path(options.records).is_dir():
@@ -427,16 +386,20 @@ def main() -> int:
         print("No gcc: part C left out.")
     # timings run alone
     plan = [(part, job) for part in chosen if part != "speed" for job in jobs(part, options)]
-    rows = Parallel(n_jobs=options.jobs, return_as="generator_unordered")(delayed(answered)(*job) for job in plan)
+    rows = Parallel(n_jobs=options.jobs, return_as="generator_unordered")(
+        delayed(answered)(*job, options.level) for job in plan
+    )
     found: dict[str, dict[str, Answers]] = {part: {} for part in chosen}
     spent: Counter[str] = Counter()
     for part, name, answers, seconds in rows:
         spent[part] += seconds
         if answers is not None:
-            found[part][name] = {key: value if isinstance(value, float) else value if value is None else bool(value)
-                                 for key, value in answers.items()}  # fmt: skip
+            found[part][name] = {
+                key: value if value is None or isinstance(value, float) else bool(value)
+                for key, value in answers.items()
+            }
     for job in jobs("speed", options) if "speed" in chosen else ():
-        part, name, answers, seconds = answered("speed", job)
+        part, name, answers, seconds = answered("speed", job, options.level)
         found[part][name], spent[part] = answers or {}, spent[part] + seconds
     stored = json.loads(STORED.read_text()) if STORED.exists() else {}
     n_worse = table(found, stored, options.verbose)

@@ -40,7 +40,7 @@ ROOMS = {"white": lambda rng: rng.standard_normal(N), "weather": lambda rng: 3 *
 @pytest.mark.long
 @pytest.mark.newest
 def test_a_thermometer_that_has_nothing_to_do_with_the_reading_is_not_corrected_by():
-    """More of them, with other seeds: `benchmarks/placebo.py`."""
+    """Those of other devices on measured records: `benchmarks/placebo.py`."""
     chosen = []
     for room, temperature in ROOMS.items():
         for noise, reading in NOISES.items():

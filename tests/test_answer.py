@@ -17,7 +17,7 @@ from thermocorr.pages import Answer, page
 from thermocorr.pages.answer import LINES, WIDTH
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-from real_diagnosis import every
+from real_records import every
 
 KEYS = [
     "choice", "model", "error", "errors", "verdict", "causes", "small", "left", "notes", "files",

@@ -1,13 +1,14 @@
-"""Processes to be ended: children of this process, which have its imports, and new ones."""
+"""Children of this process, which have its imports; at a time or at a call that changes files they are disturbed."""
 
-from __future__ import annotations
-
+import builtins
 import contextlib
+import errno
+import io
 import mmap
 import os
+import resource
 import signal
 import struct
-import subprocess
 import sys
 import time
 import traceback
@@ -25,10 +26,100 @@ import thermocorr.command.export_c  # noqa: F401
 import thermocorr.command.lines as reading
 import thermocorr.files.writer as drafts
 
-from .calls import Calls, Disturbance
+NEEDS_SPACE = ("open", "write", "fsync", "replace", "link", "mkdir")  # calls that a full disk refuses
+OTHERS = ("ftruncate", "fchmod", "unlink")
 
-PATIENCE = 60.0
-"""A process that lives longer hangs [s]."""
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What happens to a process."""
+
+    signal: int | None = None
+    when: float | None = None  # the signal is sent so long after the start [s]
+    call: int | None = None  # the signal, or the error, comes at this call, counted from 1
+    place: str = "before"
+    """Where in the call the signal comes: before it, after it, or when half of the bytes are written."""
+    full: str = ""
+    """The disk is full at the call: "once", or from it "on"."""
+    limit: int | None = None  # no file may have more bytes
+
+    def __str__(self) -> str:
+        if self.limit is not None:
+            return f"{self.limit} bytes"
+        if self.call is not None:
+            return f"call {self.call} ({self.full or self.place})"
+        return "" if self.when is None else f"{self.when * 1e3:.1f} ms"
+
+
+class Calls:
+    """Counts the calls of this process once it is installed, and lets a disturbance happen. Cannot be removed.
+
+    The count is shared with the parent, who reads there how many calls there were.
+    """
+
+    def __init__(self, disturbance: Disturbance | None, count: mmap.mmap):
+        self.disturbance, self._count = disturbance or Disturbance(), count
+        self._counted = NEEDS_SPACE if self.disturbance.full else (*NEEDS_SPACE, *OTHERS)
+
+    def install(self) -> None:
+        """Put a counter before each call."""
+        if self.disturbance.limit is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.disturbance.limit,) * 2)
+        for name in self._counted:
+            setattr(os, name, self._wrapped(name, getattr(os, name)))
+        builtins.open = io.open = self._opening(io.open)  # type: ignore[assignment]
+
+    def call(self, name: str, real: Callable[..., Any], *given: Any, **named: Any) -> Any:
+        """Make a call, or what happens in its place."""
+        number = struct.unpack("q", self._count[:8])[0] + 1
+        self._count[:8] = struct.pack("q", number)
+        wanted = self.disturbance
+        on = wanted.full == "on" and number > (wanted.call or 0) > 0 and name != "replace"  # which brings files back
+        if wanted.full and (number == wanted.call or on):
+            if name == "write" and len(given[-1]) > 1 and number == wanted.call and wanted.full == "on":
+                return real(*given[:-1], memoryview(given[-1])[: len(given[-1]) // 2])  # a short write comes first
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if wanted.signal is None or number != wanted.call:
+            return real(*given, **named)
+        if wanted.place == "half" and name == "write":
+            real(*given[:-1], memoryview(given[-1])[: len(given[-1]) // 2])
+        done = real(*given, **named) if wanted.place == "after" else None
+        os.kill(os.getpid(), wanted.signal)
+        if wanted.place == "half" and name == "write":
+            return len(given[-1]) // 2
+        return done if wanted.place == "after" else real(*given, **named)
+
+    def _wrapped(self, name: str, real: Callable[..., Any]) -> Callable[..., Any]:
+        def called(*given: Any, **named: Any) -> Any:
+            printed = name == "write" and given[0] in (1, 2)
+            return real(*given, **named) if printed else self.call(name, real, *given, **named)
+
+        return called
+
+    def _opening(self, real: Callable[..., Any]) -> Callable[..., Any]:
+        """`open` whose files count what is written to them."""
+        calls = self
+
+        class Raw(io.FileIO):
+            def write(self, data: Any) -> Any:
+                return calls.call("write", super().write, bytes(data))
+
+        def opened(
+            file: Any, mode: str = "r", buffering: int = -1, encoding: Any = None, errors: Any = None,
+            newline: Any = None, closefd: bool = True, opener: Any = None,
+        ) -> Any:  # fmt: skip
+            if not set(mode) & set("wax+"):
+                return real(file, mode, buffering, encoding, errors, newline, closefd, opener)
+            plain = mode.replace("b", "").replace("t", "")
+            made = [Raw, plain, closefd, opener]
+            raw = Raw(file, *made[1:]) if isinstance(file, int) else calls.call("open", Raw, file, *made[1:])
+            buffer = io.BufferedRandom(raw) if "+" in plain else io.BufferedWriter(raw)
+            return buffer if "b" in mode else io.TextIOWrapper(buffer, encoding, errors, newline)
+
+        return opened
+
+
+PATIENCE = 60.0  # a process that lives longer hangs [s]
 SMALL = {
     (correcting, "STATE_EVERY"): 0.01,  # short logs meet as many savings as long ones
     (correcting, "BLOCK"): 100,
@@ -36,8 +127,7 @@ SMALL = {
     (drafts, "_OLD"): 0.0,  # what a killed process kept is old at once
 }
 """Constants of the package that are other ones in children."""
-LOOK = 0.0005
-"""Time between looks at a process [s]."""
+LOOK = 0.0005  # time between looks at a process [s]
 SIGNALS = {signal.SIGINT, signal.SIGTERM}
 
 
@@ -45,12 +135,9 @@ SIGNALS = {signal.SIGINT, signal.SIGTERM}
 class Ended:
     """How a process ended, and what it said."""
 
-    status: int
-    """Exit status; less than 0 for the signal that ended it."""
-    out: str
+    status: int  # exit status; less than 0 for the signal that ended it
     err: str
-    calls: int
-    """File calls that it made."""
+    calls: int  # file calls that it made
     seconds: float
     hangs: bool = False
 
@@ -61,29 +148,53 @@ class Feed:
 
     pieces: deque[bytes] = field(default_factory=deque)
     write: Callable[[bytes], Any] = len
-    pause: float = 0.0
-    """Between two pieces [s]."""
-    finish: Callable[[], Any] | None = None
-    """Called once, behind the last piece."""
+    pause: float = 0.0  # between two pieces [s]
+    finish: Callable[[], Any] | None = None  # called once, behind the last piece
     complete: Callable[[], bool] | None = None
     """Whether the process has done all that is to come: it is then told to end."""
 
 
-class Process:
-    """Base: a running process; `pid`, its pipes, and whether it has ended."""
+class Child:
+    """A copy of this process that does some work in a folder, with signals as a new process has them.
 
-    pid: int
-    out: int
-    err: int
-    count: mmap.mmap | None = None
+    It reads from `stdin`, or nothing; `close` are descriptors that are not its own.
+    """
+
+    def __init__(
+        self, work: Callable[[], int], folder: Path, stdin: int | None = None, disturbance: Disturbance | None = None,
+        close: tuple[int, ...] = (),
+    ):  # fmt: skip
+        (self.out, out), (self.err, err) = os.pipe(), os.pipe()
+        self.count, self.disturbance = mmap.mmap(-1, 8), disturbance or Disturbance()
+        self._status: int | None = None
+        sys.stdout.flush()
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until the child is ready for them
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # in a process with threads
+                self.pid = os.fork()
+            if self.pid == 0:
+                for descriptor in (self.out, self.err, *close):
+                    os.close(descriptor)
+                given = os.open(os.devnull, os.O_RDONLY) if stdin is None else stdin
+                _become((given, out, err), folder, Calls(self.disturbance, self.count), work)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        for descriptor in (out, err):
+            os.close(descriptor)
+        for descriptor in (self.out, self.err):
+            os.set_blocking(descriptor, False)
 
     def poll(self) -> int | None:
         """Its status, once it has ended."""
-        raise NotImplementedError
+        if self._status is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self._status = os.waitstatus_to_exitcode(status) if pid else None
+        return self._status
 
-    def attend(self, disturbance: Disturbance | None = None, feed: Feed | None = None) -> Ended:
+    def attend(self, feed: Feed | None = None) -> Ended:
         """Feed it, send the signal in time, wait until it has ended."""
-        wanted, feed = disturbance or Disturbance(), feed or Feed()
+        wanted, feed = self.disturbance, feed or Feed()
         began, due, sent, hangs = time.monotonic(), 0.0, wanted.when is None, False
         told: list[bytes] = [b"", b""]
         while (status := self.poll()) is None:
@@ -108,68 +219,14 @@ class Process:
         self._listen(told)
         for descriptor in (self.out, self.err):
             os.close(descriptor)
-        calls = struct.unpack("q", self.count[:8])[0] if self.count is not None else 0
-        out, err = (text.decode("utf-8", "replace") for text in told)
-        return Ended(status, out, err, calls, time.monotonic() - began, hangs)
+        err = told[1].decode("utf-8", "replace")
+        return Ended(status, err, struct.unpack("q", self.count[:8])[0], time.monotonic() - began, hangs)
 
     def _listen(self, told: list[bytes]) -> None:
         for k, descriptor in enumerate((self.out, self.err)):
             with contextlib.suppress(BlockingIOError):
                 while piece := os.read(descriptor, 1 << 16):
                     told[k] += piece
-
-
-class Child(Process):
-    """A copy of this process that does some work, with signals as a new process has them.
-
-    Parameters
-    ----------
-    work : callable
-        Returns the exit status.
-    folder : Path
-        Where it works.
-    stdin : int, optional
-        Descriptor to read from; nothing by default.
-    disturbance : Disturbance, optional
-        What happens at a call.
-    """
-
-    def __init__(
-        self,
-        work: Callable[[], int],
-        folder: Path,
-        stdin: int | None = None,
-        disturbance: Disturbance | None = None,
-        close: tuple[int, ...] = (),
-    ):
-        (self.out, out), (self.err, err) = os.pipe(), os.pipe()
-        self.count = mmap.mmap(-1, 8)
-        self._status: int | None = None
-        calls = Calls(disturbance, self.count)
-        sys.stdout.flush()
-        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until the child is ready for them
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", DeprecationWarning)  # in a process with threads
-                self.pid = os.fork()
-            if self.pid == 0:
-                for descriptor in (self.out, self.err, *close):
-                    os.close(descriptor)
-                given = os.open(os.devnull, os.O_RDONLY) if stdin is None else stdin
-                _become((given, out, err), folder, calls, work)
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-        for descriptor in (out, err):
-            os.close(descriptor)
-        for descriptor in (self.out, self.err):
-            os.set_blocking(descriptor, False)
-
-    def poll(self) -> int | None:
-        """Its status, once it has ended."""
-        if self._status is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            self._status = os.waitstatus_to_exitcode(status) if pid else None
-        return self._status
 
 
 def _become(streams: tuple[int, int, int], folder: Path, calls: Calls, work: Callable[[], int]) -> NoReturn:
@@ -210,32 +267,3 @@ def _before_the_first_line(interrupt: KeyboardInterrupt) -> bool:
     """Whether it was raised where a function is entered that would have caught it: nothing in it can."""
     last = traceback.extract_tb(interrupt.__traceback__)[-1]
     return last.name == "main" and last.lineno == cli.main.__code__.co_firstlineno
-
-
-class NewProcess(Process):
-    """A new process of the command `thermocorr`."""
-
-    def __init__(self, arguments: list[str], folder: Path, package: Path):
-        environment = {**os.environ, "PYTHONPATH": str(package)}
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "thermocorr", *arguments],
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            preexec_fn=lambda: signal.signal(
-                signal.SIGINT, signal.SIG_DFL
-            ),  # ignored where this runs in the background
-        )
-        assert self._process.stdout is not None and self._process.stderr is not None
-        self.pid = self._process.pid
-        self.out, self.err = (os.dup(pipe.fileno()) for pipe in (self._process.stdout, self._process.stderr))
-        self._process.stdout.close()
-        self._process.stderr.close()
-        for descriptor in (self.out, self.err):
-            os.set_blocking(descriptor, False)
-
-    def poll(self) -> int | None:
-        """Its status, once it has ended."""
-        return self._process.poll()

@@ -1,46 +1,106 @@
-"""Episodes: a command begins in a folder, is disturbed, and is run again to its end."""
+"""Episodes: a command begins in a folder, is disturbed, and is run again to its end; and what all of them work on."""
 
-from __future__ import annotations
-
+import contextlib
+import gc
 import json
 import os
 import random
 import stat
+import tempfile
+import warnings
 from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import thermocorr
+import pandas as pd
+
+from thermocorr import DynamicBiasRegressor, RecordWarning, save_model
 from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
 
-from .calls import Disturbance
-from .children import Child, Ended, Feed, NewProcess, Process
-from .lab import Lab, folder_in, lines_in, look
+from .children import Child, Disturbance, Ended, Feed
+
+FITTED, ROWS, LONG = 500, 250, 1000
+"""Rows that the model is fitted to; of a log that is fed piece by piece; of one that is there from the start."""
+
+
+@dataclass
+class Lab:
+    """What all moments share."""
+
+    place: Path  # folder to work in
+    model_file: bytes
+    record: bytes  # a log to analyse
+    log: bytes  # a short log to correct
+    damaged: bytes  # the same with dates in the future and in the past
+    long: bytes  # a long log to correct, with dates in the future
+    known: dict[Any, Any]  # what undisturbed runs gave, by kind of run
+
+
+def make_lab(place: Path) -> Lab:
+    """Fit the model and write the logs."""
+    record = _record()
+    fitted = record[:FITTED].drop(columns="note")
+    X, y = fitted.drop(columns="reading"), fitted["reading"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RecordWarning)
+        model = DynamicBiasRegressor(time="time", time_constants=[600.0, 7200.0], max_gap="1h").fit(X, y)
+    save_model(model, place / "model.json")
+    gc.freeze()  # children share what is there
+    log = record[FITTED:]
+    late = _dated(log, "2124", 15)
+    parts = (fitted, log[:ROWS], _dated(late, "1924", 5)[:ROWS], late)
+    texts = [part.to_csv(index=False).encode() for part in parts]
+    return Lab(place, (place / "model.json").read_bytes(), *texts, {})
+
+
+def _record() -> pd.DataFrame:
+    """With a gap, empty cells and a column of text, behind what the model is fitted to."""
+    record = make_record(FITTED + LONG, seed=5).reset_index()
+    record.loc[FITTED + 100 :, "time"] += pd.Timedelta("2h")
+    record["time"] = record["time"].dt.strftime("%Y-%m-%dT%H:%M:%S")
+    record["note"] = ["as usual", 'the "door", open'] * (len(record) // 2)
+    for column, row in (("reading", 40), ("temperature", 160), ("reading", 500), ("temperature", 750)):
+        record.loc[FITTED + row, column] = float("nan")
+    return record
+
+
+def _dated(log: pd.DataFrame, year: str, first: int) -> pd.DataFrame:
+    """With every twentieth date damaged."""
+    times = log["time"].copy()
+    times[first::20] = year + times[first::20].str[4:]
+    return log.assign(time=times)
+
+
+@contextlib.contextmanager
+def folder_in(place: Path) -> Iterator[Path]:
+    """An empty folder, for a while."""
+    with tempfile.TemporaryDirectory(dir=place) as name:
+        yield Path(name)
+
+
+def look(path: Path) -> tuple[Any, ...]:
+    """What a command must not change in a file that it reads."""
+    seen = os.stat(path)
+    return path.read_bytes(), seen.st_mtime_ns, seen.st_mode, seen.st_ino
+
 
 MODEL = ("--model", "model.json")
 STATE = ("--out", "out.csv", "--state", "state.json", "--average", "7", "--track", "2h")
 
 
 class Episode:
-    """Base: a command that writes whole files, all of its `outputs` or none.
-
-    Parameters
-    ----------
-    lab : Lab
-    folder : Path
-        Empty; inputs and results of an earlier run are put there.
-    rng : Random
-    """
+    """Base: a command that writes whole files, all of its `outputs` or none, in a folder that is empty before."""
 
     name = ""
     arguments: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ("log.csv", "model.json")
     outputs: tuple[str, ...] = ("out.csv",)
-    fine = 0
-    """Status of a run that nothing disturbs: 1 for a log with damaged rows."""
-    appends = False
-    """Whether rows are appended to out.csv; else outputs are old or new."""
-    chatter: tuple[str, ...] = ()
-    """Beginnings of lines on standard error that are no complaints."""
+    fine = 0  # status of a run that nothing disturbs: 1 for a log with damaged rows
+    appends = False  # whether rows are appended to out.csv; else outputs are old or new
+    chatter: tuple[str, ...] = ()  # beginnings of lines on standard error that are no complaints
 
     def __init__(self, lab: Lab, folder: Path, rng: random.Random):
         self.lab, self.folder, self.rng = lab, folder, rng
@@ -58,13 +118,9 @@ class Episode:
         """What the process does."""
         return main([*self.arguments])
 
-    def start(self, disturbance: Disturbance | None) -> Process:
-        """A process of the command."""
-        return Child(self.work, self.folder, disturbance=disturbance)
-
     def run(self, disturbance: Disturbance | None = None) -> Ended:
         """Run the command from what is there now until it ends, or is ended."""
-        return self.start(disturbance).attend(disturbance)
+        return Child(self.work, self.folder, disturbance=disturbance).attend()
 
     def files(self) -> dict[str, bytes | None]:
         """The outputs as they are; None for those that are not there."""
@@ -85,7 +141,8 @@ class Episode:
 
     def rows_on_disk(self) -> int:
         """Rows in out.csv, less its header."""
-        return max(0, lines_in(self.folder / "out.csv") - 1)
+        path = self.folder / "out.csv"
+        return max(0, path.read_bytes().count(b"\n") - 1) if path.exists() else 0
 
 
 def known(kind: type[Episode], lab: Lab) -> tuple[dict[str, bytes | None], Ended]:
@@ -144,32 +201,10 @@ class WithState(Episode):
             os.truncate(out, self.rng.randint(safe, out.stat().st_size))
 
 
-class NewProcesses(WithState):
-    """The same in processes of their own."""
-
-    name = "the same, new processes"
-
-    def start(self, disturbance: Disturbance | None) -> Process:
-        return NewProcess([*self.arguments], self.folder, Path(thermocorr.__file__).parents[1])
-
-
-class Followed(WithState):
-    """A log that is there, as if it grew; what it does where a disk is full can be counted."""
-
-    name = "file -> --out --state --follow"
-    arguments = (*WithState.arguments, "--follow", "--idle", "0")
-
-    def __init__(self, lab: Lab, folder: Path, rng: random.Random):
-        super().__init__(lab, folder, rng)
-        (folder / "log.csv").write_bytes(lab.log)
-        self.before["log.csv"] = look(folder / "log.csv")
-
-
 class Fed(WithState):
     """Base: a log that comes in pieces of whole and half lines."""
 
-    pause = 0.0015
-    """Between two pieces [s]."""
+    pause = 0.0015  # between two pieces [s]
 
     def __init__(self, lab: Lab, folder: Path, rng: random.Random):
         super().__init__(lab, folder, rng)
@@ -196,7 +231,7 @@ class PipeAgain(Fed):
         """Run with this content on standard input; returns also what the process has left unread of it."""
         stdin, end = os.pipe()
         feed = Feed(self.pieces(content), lambda piece: os.write(end, piece), self.pause, lambda: os.close(end))
-        ended = Child(self.work, self.folder, stdin, disturbance, close=(end,)).attend(disturbance, feed)
+        ended = Child(self.work, self.folder, stdin, disturbance, close=(end,)).attend(feed)
         if feed.finish is not None:
             os.close(end)
         left = b"".join(iter(lambda: os.read(stdin, 1 << 16), b"")) + b"".join(feed.pieces)
@@ -212,10 +247,8 @@ class PipeRest(PipeAgain):
     def __init__(self, lab: Lab, folder: Path, rng: random.Random):
         super().__init__(lab, folder, rng)
         self.rest = self.log
-        self.gone = 0
-        """Rows that were read from the pipe, and not written when SIGKILL came."""
-        self.kept: list[bytes] = self.log.splitlines(keepends=True)[1:]
-        """Rows that are to come out."""
+        self.gone = 0  # rows that were read from the pipe, and not written when SIGKILL came
+        self.kept: list[bytes] = self.log.splitlines(keepends=True)[1:]  # rows that are to come out
 
     def run(self, disturbance: Disturbance | None = None) -> Ended:
         given = self.rest
@@ -284,7 +317,7 @@ class Growing(Fed):
             return self.state_file() != begun_with and self.rows_on_disk() >= self.log.count(b"\n") - 1
 
         feed = Feed(self.to_come, self.grow, self.pause, complete=complete)
-        return self.start(disturbance).attend(disturbance, feed)
+        return Child(self.work, self.folder, disturbance=disturbance).attend(feed)
 
     def state_file(self) -> int:
         """What tells a state that was saved from the one before."""
@@ -323,3 +356,7 @@ class Export(Episode):
 
     def prepare(self) -> None:
         earlier(self.lab, self.folder, (*self.arguments, "--double"), self.outputs)
+
+
+KINDS = (Whole, WithState, PipeRest, PipeRestDamaged, PipeAgain, PipeAgainDamaged, Growing, Analyze, Export)
+FULL = (Whole, WithState, PipeAgain, Growing, Analyze, Export)  # what meets a full disk

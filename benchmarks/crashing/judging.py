@@ -1,22 +1,20 @@
-"""What must be true after an episode, counted where it is not."""
-
-from __future__ import annotations
+"""What must be true after a signal and on a full disk, counted where it is not."""
 
 import os
 import random
 import re
 import signal
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pandas as pd
 
 import thermocorr
 
-from .calls import Disturbance
-from .children import Ended
-from .episodes import Analyze, Episode, Fed, Growing, PipeRest, WithState, known
-from .lab import Lab, folder_in
+from . import episodes
+from .children import Disturbance, Ended
+from .episodes import Episode, Growing, Lab, folder_in, known
 
 FAULTS = ("lost", "twice", "wrong", "inputs", "half", "drafts", "status", "tracebacks")
 """What is counted: rows that are missing, come more than once, or differ (also in their order); inputs that changed;
@@ -25,12 +23,9 @@ SIGINT and SIGTERM, or after the next run; processes with another status or mess
 APART = ("late", "system", "mixed")
 """Not wrong: processes that had done it all before the signal; rows that were on their way from the pipe to the file
 when SIGKILL came; sets of files of which SIGKILL left some new."""
-SELDOM = 0.1
-"""How often a long command is run again."""
-POWER = 0.3
-"""How often SIGKILL is a power cut."""
-TOLERANCE = 1e-12
-"""Of a column's range, as an undisturbed run has it."""
+SELDOM = 0.1  # how often a long command is run again
+POWER = 0.3  # how often SIGKILL is a power cut
+TOLERANCE = 1e-12  # of a column's range, as an undisturbed run has it
 PACKAGE = os.path.dirname(thermocorr.__file__)
 STOPPED = re.compile(r"thermocorr: stopped( after row (\d+), \S.*| before the first line; nothing was written)?\n")
 ALLOWED = re.compile(
@@ -51,66 +46,59 @@ def disturbed(
             wrong = _after_signal(episode, ended, disturbance)
             faults += wrong
             if {*wrong} & {*FAULTS}:
-                notes.append(f"{_named(disturbance)} at {disturbance}: {dict(wrong)}, {_shown(ended)}")
-            if (
-                ended.status == -signal.SIGKILL
-                and isinstance(episode, WithState)
-                and not isinstance(episode, PipeRest)
-                and rng.random() < POWER
-            ):
+                notes.append(f"{disturbance}: {dict(wrong)}, {ended.status}, {ended.err[-250:]!r}")
+            has_state = isinstance(episode, episodes.WithState) and not isinstance(episode, episodes.PipeRest)
+            if has_state and ended.status == -signal.SIGKILL and rng.random() < POWER:
                 episode.lose_power()
-        if isinstance(episode, PipeRest):
+        if isinstance(episode, episodes.PipeRest):
             faults["system"] += episode.gone
         if worth_another_run(episode, rng):
             ended = episode.run()
             wrong = at_end(episode, ended)
             faults += wrong
             if wrong:
-                told = " ".join(f"{_named(one)} at {one}" for one in disturbances)
-                notes.append(f"run again after {told}: {dict(wrong)}, {_shown(ended)}")
+                told = " ".join(map(str, disturbances))
+                notes.append(f"run again after {told}: {dict(wrong)}, {ended.status}, {ended.err[-250:]!r}")
     return faults
 
 
 def worth_another_run(episode: Episode, rng: random.Random) -> bool:
     """Whether the command is run again to its end: not always where that takes long, and whole files are whole."""
-    return not isinstance(episode, Analyze) or bool(episode.hidden()) or rng.random() < SELDOM
+    return not isinstance(episode, episodes.Analyze) or bool(episode.hidden()) or rng.random() < SELDOM
 
 
-def _named(disturbance: Disturbance) -> str:
-    return signal.Signals(disturbance.signal or 0).name
+def always(episode: Episode, ended: Ended, well: bool, tidy: bool) -> Counter[str]:
+    """What is wrong at any time: how the process ended, a traceback, inputs that changed, drafts that are left."""
+    hidden = len(episode.hidden()) if tidy else 0
+    status, changed = ended.hangs or not well, not episode.intact()
+    return Counter(status=int(status), tracebacks=int(traces(ended)), inputs=int(changed), drafts=hidden)
 
 
-def _shown(ended: Ended) -> str:
-    return f"status {ended.status}, said {ended.err[-250:]!r}"
+def torn(episode: Episode) -> bool:
+    """Whether the last row of a file to which rows are appended is half a row."""
+    out = episode.files()["out.csv"]
+    return bool(out) and not out.endswith(b"\n")
 
 
 def _after_signal(episode: Episode, ended: Ended, disturbance: Disturbance) -> Counter[str]:
     """What is wrong once the signal has ended the process."""
-    faults: Counter[str] = Counter()
     number = disturbance.signal
     assert number is not None
-    in_time = ended.status == (-9 if number == signal.SIGKILL else 128 + number)
+    killed = number == signal.SIGKILL
+    in_time = ended.status == (-9 if killed else 128 + number)
+    fine = {0, episode.fine, -number}
+    if isinstance(episode, episodes.Fed):  # it has no end of its own: where the disturbance did not come, SIGTERM did
+        fine.add(143)
+    well = in_time or ended.status in fine
+    faults = always(episode, ended, well, tidy=not killed)
     faults["late"] += ended.status in (0, episode.fine)
-    faults["tracebacks"] += traces(ended)
-    faults["inputs"] += not episode.intact()
-    faults["status"] += ended.hangs or not (
-        in_time or ended.status in (0, episode.fine, -number) or _told_to_end(episode, ended)
-    )
-    if in_time and number != signal.SIGKILL:
+    if in_time and not killed:
         faults["status"] += not _said_well(episode, ended)
-    if number != signal.SIGKILL:
-        faults["drafts"] += len(episode.hidden())
     if episode.appends:
-        out = episode.files()["out.csv"]
-        faults["half"] += bool(out) and not out.endswith(b"\n") and number != signal.SIGKILL
+        faults["half"] += torn(episode) and not killed
     else:
-        faults += of_set(episode, number == signal.SIGKILL)
+        faults += of_set(episode, killed)
     return +faults
-
-
-def _told_to_end(episode: Episode, ended: Ended) -> bool:
-    """A followed file has no end of its own: where the disturbance did not come, SIGTERM did."""
-    return isinstance(episode, Fed) and ended.status == 143
 
 
 def _said_well(episode: Episode, ended: Ended) -> bool:
@@ -136,14 +124,10 @@ def of_set(episode: Episode, killed: bool) -> Counter[str]:
 
 def at_end(episode: Episode, ended: Ended) -> Counter[str]:
     """What is wrong when the command has been run again, to its end."""
-    faults: Counter[str] = Counter()
     fine = {143} if isinstance(episode, Growing) else {0, episode.fine}  # the damaged rows may have come before
-    faults["status"] += ended.status not in fine or ended.hangs
+    faults = always(episode, ended, ended.status in fine, tidy=True)
     if not isinstance(episode, Growing):
         faults["status"] += bool(ALLOWED.sub("", quiet(episode, ended.err)))
-    faults["tracebacks"] += traces(ended)
-    faults["inputs"] += not episode.intact()
-    faults["drafts"] += len(episode.hidden())
     wanted = episode.expected()
     for name, content in episode.files().items():
         if not episode.appends:
@@ -167,41 +151,81 @@ def traces(ended: Ended) -> bool:
 
 def compared(got: bytes, wanted: bytes, n_results: int = 5) -> Counter[str]:
     """Rows of two corrected logs: lost, twice, wrong; a torn end counts as half a file."""
-    faults: Counter[str] = Counter()
-    faults["half"] += not got.endswith(b"\n")
     (head, *rows), (true_head, *true_rows) = (
         [line.rsplit(",", n_results) for line in text.decode().splitlines() or [""]] for text in (got, wanted)
     )
     keys, true_keys = [row[0] for row in rows], [row[0] for row in true_rows]
-    counts = Counter(keys)
-    faults["lost"] += len({*true_keys} - {*keys})
-    faults["twice"] += sum(count - 1 for count in counts.values())
-    faults["wrong"] += head != true_head
-    faults["wrong"] += len({*keys} - {*true_keys})
-    if [*counts] != [key for key in true_keys if key in counts]:
-        faults["wrong"] += 1
-    answers = dict(zip(keys, rows, strict=True))
-    pairs = [(answers[row[0]], row) for row in true_rows if row[0] in answers]
-    if pairs:
-        faults["wrong"] += _differing(*zip(*pairs, strict=True))
+    answers, counts = dict(zip(keys, rows, strict=True)), Counter(keys)
+    found = pd.DataFrame([answers[key][1:] for key in true_keys if key in answers])
+    true = pd.DataFrame([row[1:] for row in true_rows if row[0] in answers])
+    differ = np.zeros(len(true), bool)
+    for name in true:
+        one, other = found[name], true[name]
+        values, exact = (pd.to_numeric(column.replace("", "nan"), errors="coerce") for column in (one, other))
+        if exact.notna().any():  # numbers: within the tolerance
+            differ |= ~np.isclose(values, exact, rtol=0, atol=TOLERANCE * (exact.max() - exact.min()), equal_nan=True)
+        else:
+            differ |= (one != other).to_numpy()
+    strangers = len({*keys} - {*true_keys})
+    moved = [*counts] != [key for key in true_keys if key in counts]
+    return +Counter(
+        half=int(not got.endswith(b"\n")),
+        lost=len({*true_keys} - {*keys}),
+        twice=sum(counts.values()) - len(counts),
+        wrong=int(head != true_head) + strangers + int(moved) + int(differ.sum()),
+    )
+
+
+EVERY = 40  # so many calls are tried, however few moments are asked for; so many sizes, however many
+Found = tuple[str, int, Counter[str], list[str]]
+
+
+def disk_full(kind: type[Episode], lab: Lab, n: int) -> Iterator[Found]:
+    """Fill the disk in every way, at most `n` moments each; yields lines of the table."""
+    with folder_in(lab.place) as folder:
+        counted = kind(lab, folder, random.Random(0)).run(Disturbance(full="once")).calls
+    for how in ("once", "on"):
+        some = [Disturbance(call=call, full=how) for call in _at_most(counted, max(n, EVERY))]
+        yield _tried(f"full, {how}", kind, lab, some)
+    longest = max(len(content) for content in known(kind, lab)[0].values() if content)
+    limits = [longest * k // min(n, EVERY) for k in range(min(n, EVERY))]
+    yield _tried("largest file", kind, lab, [Disturbance(limit=limit) for limit in limits])
+
+
+def _at_most(count: int, n: int) -> list[int]:
+    """Numbers from 1 to `count`; where these are more than `n`, so many of them, the first and the last included."""
+    return sorted({1 + round(k * (count - 1) / max(1, min(n, count) - 1)) for k in range(min(n, count))})
+
+
+def _tried(what: str, kind: type[Episode], lab: Lab, some: list[Disturbance]) -> Found:
+    found, notes = Counter[str](), list[str]()
+    for k, disturbance in enumerate(some):
+        with folder_in(lab.place) as folder:
+            episode = kind(lab, folder, random.Random(k))
+            ended = episode.run(disturbance)
+            runs = [("", ended, _refused(episode, ended))]
+            if worth_another_run(episode, episode.rng):
+                again = episode.run()
+                runs.append(("run again after ", again, at_end(episode, again)))
+            for when, process, wrong in runs:
+                found += wrong
+                if {*wrong} - {"late"}:
+                    notes.append(f"{when}{what} {disturbance}: {dict(wrong)}, {process.status}, {process.err[-250:]!r}")
+    return what, len(some), found, notes
+
+
+def _refused(episode: Episode, ended: Ended) -> Counter[str]:
+    """What is wrong once a command has met the full disk."""
+    told = ALLOWED.sub("", quiet(episode, ended.err))
+    done = ended.status == 0 or (isinstance(episode, Growing) and ended.status == 143)
+    one_sentence = told.startswith("thermocorr: error: ") and told.endswith("\n") and told.count("\n") == 1
+    faults = always(episode, ended, done or (ended.status == 2 and one_sentence), True)
+    faults["late"] += done
+    if episode.appends:
+        faults["half"] += torn(episode)
+    else:
+        faults += of_set(episode, killed=False)
+        unchanged = episode.files() == episode.old
+        strange = unchanged is done and episode.old != known(type(episode), episode.lab)[0]
+        faults["half"] = max(faults["half"], int(strange))
     return +faults
-
-
-def _differing(got: tuple[list[str], ...], wanted: tuple[list[str], ...]) -> int:
-    """Rows whose results differ: numbers by more than the tolerance, text at all."""
-    if {len(row) for row in (*got, *wanted)} != {len(wanted[0])}:
-        return len(wanted)
-    differ = np.zeros(len(wanted), bool)
-    for k in range(1, len(wanted[0])):
-        one, other = [row[k] for row in got], [row[k] for row in wanted]
-        try:
-            values, true = (np.array([cell or "nan" for cell in column], float) for column in (one, other))
-        except ValueError:
-            differ |= np.array(one) != np.array(other)
-            continue
-        if np.isnan(true).all():
-            differ |= ~np.isnan(values)
-            continue
-        apart = np.abs(values - true) > TOLERANCE * (np.nanmax(true) - np.nanmin(true))
-        differ |= apart | (np.isnan(values) != np.isnan(true))
-    return int(differ.sum())

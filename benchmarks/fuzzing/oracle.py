@@ -1,22 +1,18 @@
 """What a log says, by Python's own csv, float and datetime: a second reading of the documented rules.
 
-Nothing here is taken from the package's readers.
+Nothing here is taken from the package's readers but the words that stand for no value.
 """
-
-from __future__ import annotations
 
 import csv
 import math
 import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from itertools import pairwise
 from typing import Any
 
-from pandas._libs.parsers import STR_NA_VALUES
+from thermocorr.records.grammar import MINUS, MISSING, NO_VALUE
 
 MOST = 1e40
-TIME_NAMES = ("time", "timestamp", "datetime", "date", "time_s")
 _PLAIN = frozenset("0123456789+-.eE")
 _USUAL = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 _FRACTION = re.compile(r"(?<=[0-9]{2})\.([0-9]+)")
@@ -56,8 +52,7 @@ class Log:
 
     header: list[str] | None
     rows: list[Row] = field(default_factory=list)
-    torn: bool = False
-    """Whether something stands behind the last line end."""
+    torn: bool = False  # whether something stands behind the last line end
 
 
 def fields(line: bytes) -> list[str] | None:
@@ -87,8 +82,9 @@ def header(line: bytes) -> list[str] | None:
 
 def number(cell: str) -> float | None:
     """The number in a cell, NaN where it says that there is none, None where it is no number."""
-    cell = cell.strip(" \t")
-    if cell in STR_NA_VALUES:
+    cell = cell.strip(" \t").translate(MINUS)
+    word = cell.lower()
+    if cell in MISSING or word in NO_VALUE or word.lstrip("+-") in NO_VALUE:
         return math.nan
     if not cell or not _PLAIN.issuperset(cell):
         return None
@@ -139,26 +135,20 @@ def stamp(cell: str, kind: str) -> tuple[Any, bool] | None:
 
 def label(cell: str, numeric: bool) -> Any:
     """The label of a run; None where there is none."""
-    if cell.strip(" \t") in STR_NA_VALUES:
+    if cell.strip(" \t") in MISSING:
         return None
     value = number(cell) if numeric else None
-    return cell if value is None else value
-
-
-def split(content: bytes) -> tuple[list[bytes], bool]:
-    """Whole lines without their ends, and whether something stands behind the last of them."""
-    *lines, rest = content.split(b"\n")
-    return lines, bool(rest)
+    return cell if value is None or math.isnan(value) else value
 
 
 def log(content: bytes, roles: Roles) -> Log:
     """What the rules make of a log, line by line."""
-    lines, torn = split(content)
+    *lines, torn = content.split(b"\n")
     names = header(lines[0]) if lines else None
     wanted = [roles.temperature, roles.reading, *roles.others, *(n for n in (roles.time, roles.run) if n is not None)]
     if names is None or any(name not in names for name in wanted):
-        return Log(None, torn=torn)
-    return Log(names, [_row(n, line, names, roles) for n, line in enumerate(lines[1:], 2)], torn)
+        return Log(None)
+    return Log(names, [_row(n, line, names, roles) for n, line in enumerate(lines[1:], 2)], bool(torn))
 
 
 def _row(n: int, line: bytes, names: list[str], roles: Roles) -> Row:
@@ -177,54 +167,3 @@ def _row(n: int, line: bytes, names: list[str], roles: Roles) -> Row:
     if None in values.values() or when is None or (roles.run is not None and run is None):
         return Row(n, "out", found)
     return Row(n, "row" if when[1] else "may", found, values, when[0], run)  # type: ignore[arg-type]
-
-
-@dataclass
-class Table:
-    """A log as one table: refused as a whole where one line or one cell is wrong."""
-
-    names: list[str]
-    cells: list[list[str]]
-    time: str
-    kind: str
-    stamps: list[Any]
-    temperature: list[float]
-    reading: list[float]
-    sure: bool
-    """Whether it must be read: its times are in the usual form."""
-
-
-def table(content: bytes, roles: Roles) -> Table | None:
-    """The table that a log is; None where it must be refused."""
-    lines, torn = split(content)
-    if torn and not lines:
-        lines = [content]
-    names = header(lines[0]) if lines else None
-    if names is None or roles.temperature not in names or roles.reading not in names:
-        return None
-    if len({name or f"Unnamed: {i}" for i, name in enumerate(names)}) < len(names):
-        return None
-    time = next((n for n in TIME_NAMES if n in names), None)
-    rows = [fields(line) for line in lines[1:]]
-    rows = [row for row in rows if row != []]
-    if time is None or not rows or any(row is None or len(row) != len(names) for row in rows):
-        return None
-    cells: list[list[str]] = rows  # type: ignore[assignment]
-    temperature, reading = ([number(row[names.index(n)]) for row in cells] for n in (roles.temperature, roles.reading))
-    times = _times([row[names.index(time)] for row in cells])
-    if None in temperature or None in reading or times is None:
-        return None
-    return Table(names, cells, time, times[0], times[1], temperature, reading, times[2])  # type: ignore[arg-type]
-
-
-def _times(cells: list[str]) -> tuple[str, list[Any], bool] | None:
-    seconds = [number(cell) for cell in cells]
-    if all(value is not None and not math.isnan(value) for value in seconds):
-        kind, stamps, sure = "seconds", seconds, True
-    else:
-        dates = [date(cell) for cell in cells]
-        if None in dates or len({found[1] for found in dates}) > 1:  # type: ignore[index]
-            return None
-        stamps, sure = [found[0] for found in dates], all(found[2] for found in dates)  # type: ignore[index]
-        kind = "datetime with time zone" if dates[0][1] else "datetime"  # type: ignore[index]
-    return None if any(b <= a for a, b in pairwise(stamps)) else (kind, stamps, sure)

@@ -1,7 +1,5 @@
 """How one input ends: the kinds of outcomes, and a command run with everything watched that it does."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import linecache
@@ -14,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import thermocorr
 from thermocorr.command import cli
@@ -21,21 +20,18 @@ from thermocorr.command import cli
 RIGHT = "accepted and right"
 REFUSED = "refused in one sentence"
 NAMED = "right, bad rows named"
-OTHER = "accepted, another valid file"
-GOOD = (RIGHT, NAMED, REFUSED, OTHER)
+OTHER = "accepted as another file"
 WRONG, CRASH, HANG, MEMORY = "silently wrong", "traceback", "hang", "memory"
 UNHELPFUL = "refused in foreign words"
 REFUSED_GOOD = "good input refused"
 NOISE = "stray output"
 BAD = (WRONG, CRASH, HANG, MEMORY, UNHELPFUL, REFUSED_GOOD, NOISE)
+ALL = (RIGHT, NAMED, REFUSED, OTHER, *BAD)
 
-SECONDS = 5.0
-"""An input that takes longer hangs."""
-MEGABYTES = 500
-"""An input that takes more memory takes too much."""
+SECONDS = 5.0  # an input that takes more of the processor hangs
+MEGABYTES = 500  # an input that takes more memory takes too much
 PACKAGE = str(Path(thermocorr.__file__).parent)
-_OWN_CHECKS = ("_param_validation.py",)
-"""Files outside of the package whose sentences are meant for its users."""
+_OWN_CHECKS = ("_param_validation.py",)  # files outside of the package whose sentences are meant for its users
 
 
 class Found(Exception):
@@ -71,30 +67,28 @@ class Done:
 
     status: int
     out: bytes
-    said: list[str]
-    """Lines of standard error."""
+    said: list[str]  # lines of standard error
 
 
 def run(*arguments: object) -> Done:
     """`thermocorr` with these arguments, in this process; Found where its standard error is not what it should be."""
     out, err = io.TextIOWrapper(io.BytesIO(), "utf-8", newline=""), io.StringIO()
-    cause: list[BaseException] = []
+    cause: list[BaseException | None] = []
     ended = cli._ended
 
     def noted(text: str, status: int) -> int:
-        cause.append(sys.exc_info()[1])  # type: ignore[arg-type]
+        cause.append(sys.exc_info()[1])
         return ended(text, status)
 
-    before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr, cli._ended = out, err, noted
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            status = cli.main([str(argument) for argument in arguments])
-            out.flush()
-    finally:
-        sys.stdout, sys.stderr = before
-        cli._ended = ended
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        mock.patch.object(cli, "_ended", noted),
+        warnings.catch_warnings(record=True) as caught,
+    ):
+        warnings.simplefilter("always")
+        status = cli.main([str(argument) for argument in arguments])
+        out.flush()
     said = err.getvalue().splitlines()
     _check_words(status, said, cause, list(caught))
     return Done(status, out.buffer.getvalue(), said)  # type: ignore[attr-defined]
@@ -135,36 +129,35 @@ def refused(error: BaseException) -> str:
 
 
 @contextlib.contextmanager
-def watched(seconds: float = SECONDS) -> Iterator[None]:
-    """Raise `TooLong` after so many seconds, and Found for memory that was taken meanwhile."""
+def watched() -> Iterator[None]:
+    """Raise `TooLong` after some seconds of the processor, and Found for memory that was taken meanwhile."""
 
     def ring(number: int, frame: Any) -> None:
         raise TooLong
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
     more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak) / 1024
     if more > MEGABYTES:
         raise Found(MEMORY, f"{more:.0f} MB more than before")
 
 
-def judged(case: Callable[[], str], seconds: float = SECONDS) -> tuple[str, str]:
+def judged(case: Callable[[], str]) -> tuple[str, str]:
     """The kind of outcome of a case, and the words for a bad one."""
     try:
-        with watched(seconds):
+        with watched():
             return case(), ""
     except Found as found:
         return found.kind, str(found)
     except TooLong:
-        return HANG, f"more than {seconds:g} s"
+        return HANG, f"more than {SECONDS:g} s"
     except Exception as error:
         lines = traceback.extract_tb(error.__traceback__)
-        within = [line for line in lines if line.filename.startswith(PACKAGE)]
-        last = (within or lines)[-1]
+        last = ([line for line in lines if line.filename.startswith(PACKAGE)] or lines)[-1]
         return CRASH, f"{type(error).__name__}: {str(error)[:300]} ({Path(last.filename).name}:{last.lineno})"

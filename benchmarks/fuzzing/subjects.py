@@ -1,7 +1,5 @@
 """What is mutated: small logs of every kind of time, the models fitted to them, and states of live correctors."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -38,8 +36,7 @@ class Subject:
     roles: oracle.Roles
     model: DynamicBiasRegressor
     path: Path
-    state: dict[str, Any]
-    """A saved state after the first `FITTED` rows of the log."""
+    state: dict[str, Any]  # a saved state after the first `FITTED` rows of the log
 
 
 def all_subjects(folder: Path) -> dict[str, Subject]:

@@ -87,7 +87,7 @@ def products_help(
     # Errors on each later block, likewise. Chosen on simulated devices with a hidden effect, strengths 2 and 0.5 (seeds
     # 302 to 305): 24 of 24 that have products get them, and 10 of 552 others; on other seeds (330 to 333) 24 of 24, and
     # 2 of 552. Of eight measured records, whose error on the rest they raise by half, none
-    # (`benchmarks/chosen_products.py`).
+    # (`benchmarks/hidden_effects.py`, `benchmarks/real_records.py`).
     if not ((now <= 0.995 * before).all() and np.mean(now / before) <= CLEARLY):
         return False
     return _error(factored.whole, factored.whole, beside, alpha) <= CLEARLY * _error(

@@ -1,8 +1,9 @@
 """Thresholds of the judgement.
 
-What changes when one of them is halved or doubled is printed by `benchmarks/levels.py`. The campaigns behind them are
-`benchmarks/hidden_effects.py` (simulated devices), `benchmarks/null_records.py` (nothing hidden, thirteen kinds of
-noise), `benchmarks/planted_on_real.py` (known effects on measured backgrounds) and `benchmarks/real_diagnosis.py`.
+What changes when one of them is halved or doubled is printed by `benchmarks/value.py --level NAME=VALUE`. The campaigns
+behind them are `benchmarks/hidden_effects.py` (simulated devices), `benchmarks/null_records.py` (nothing hidden,
+thirteen kinds of noise), `benchmarks/planted_on_real.py` (known effects on measured backgrounds) and
+`benchmarks/real_records.py --refine`.
 """
 
 from __future__ import annotations

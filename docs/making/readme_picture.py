@@ -1,9 +1,7 @@
 """Make the README's picture: what static and dynamic corrections leave of the built-in voltage reference.
 
-pip install . matplotlib && python benchmarks/readme_picture.py docs/voltage_reference.png
+pip install . matplotlib && python docs/making/readme_picture.py docs/voltage_reference.png
 """
-
-from __future__ import annotations
 
 import sys
 
