@@ -29,7 +29,7 @@ from common import asked, rms, seeds_of
 from joblib import Parallel, delayed
 from null_records import NOISES, remembering
 from real_records import cases
-from test_beyond import heated
+from test_signed import heated
 
 from thermocorr import DynamicBiasRegressor, RecordWarning
 from thermocorr.datasets import make_record

@@ -4,7 +4,6 @@ Also: Filled cells where it is hard: what goes on behind a hole, codes, gaps, ru
 """
 
 import json
-import warnings
 
 import numpy as np
 import pandas as pd
@@ -197,9 +196,7 @@ def test_a_hole_in_the_fitted_record_raises_no_alarm():
     for seed in (20, 21, 22, 23):
         X, y, _, _ = two_surfaces(seed, n=5000)
         lost, _ = with_hole(X, "case", 2000)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            model = DynamicBiasRegressor(["case", "room"]).fit(lost, y)
+        model = DynamicBiasRegressor(["case", "room"]).fit(lost, y)
         verdicts.append(diagnose(model, lost, y).verdict)
     assert verdicts.count("nothing missing") >= 3
 
@@ -258,9 +255,7 @@ def test_live_is_whole_over_gaps_and_runs():
     X.iloc[2790:2830, 0] = np.nan  # over a change of run
     fill = {"room": ("estimate", "30 min")}
     model = DynamicBiasRegressor(**MODEL, run="run", max_gap="20 min", run_offset="same", fill=fill)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model.fit(X[:2400], y[:2400])
+    model.fit(X[:2400], y[:2400])
     assert_live_is_whole(model, X[2400:], y[2400:])
 
 
@@ -282,9 +277,7 @@ def test_an_event_in_a_row_that_lacks_its_temperature_is_an_event():
     marks[1000] = 1
     log = X[["case"]].assign(stepped=marks)
     log.iloc[1000, 0] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = DynamicBiasRegressor("case", [600.0], effects=[Events(column="stepped")]).fit(log, y)
+    model = DynamicBiasRegressor("case", [600.0], effects=[Events(column="stepped")]).fit(log, y)
     assert "events: 1" in model.contributions(log)
     both = pd.concat([log, log]).assign(run=np.repeat(["a", "b"], 3000)).sort_index(kind="stable")
     with pytest.raises(RecordError, match="stands in runs that overlap in time"):
@@ -327,10 +320,8 @@ def test_a_hole_ends_the_segment(rule, tmp_path):
     """Missing humidity for 10 and 60 minutes: what begins behind it is a start that the fit does not know."""
     X, y, _ = late_humidity(36)
     X.iloc[2000:2060, 1] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule})
-        model.fit(X[:5000], y[:5000])
+    model = DynamicBiasRegressor("case", [600.0], effects=[Covariate("humidity")], fill={"humidity": rule})
+    model.fit(X[:5000], y[:5000])
     assert len(model.features_.history_.record.segments) == 2
     later, readings = X[5000:5600].copy(), y[5000:5600]
     later.iloc[100:110, 1] = np.nan

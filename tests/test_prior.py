@@ -4,7 +4,6 @@ Also: Fleets without a cluster: processes, executors, and models that are small 
 """
 
 import pickle
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -68,9 +67,7 @@ def test_mean_and_covariance_are_those_that_the_devices_were_drawn_from(prior):
 def test_records_that_say_little_do_not_make_the_fleet_look_unlike():
     """Hours instead of weeks: the scatter of the estimates is many times that of the devices."""
     model = DynamicBiasRegressor("temperature", list(BODIES), reference_temperature=23.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        short = fit_fleet(1, {k: unit(k, days=0.15)[0] for k in range(20)}, "reading", model)
+    short = fit_fleet(1, {k: unit(k, days=0.15)[0] for k in range(20)}, "reading", model)
     found = LawPrior.of(list(short.values()))
     scatter = np.std([each.coef_[:4] for each in short.values()], axis=0)
     spread, unlike = np.sqrt(np.diag(found.covariance)), 3 * 0.1 * np.abs(LAW) < scatter
@@ -169,9 +166,7 @@ def test_laws_about_other_temperatures_are_brought_together():
 def test_shrinkage_helps_devices_with_short_records():
     logs = {k: unit(k, days=1)[0] for k in range(20)}
     model = DynamicBiasRegressor("temperature", list(BODIES), reference_temperature=23.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        fleets = [fit_fleet(1, logs, "reading", model, shrinkage=shrinkage) for shrinkage in (False, True)]
+    fleets = [fit_fleet(1, logs, "reading", model, shrinkage=shrinkage) for shrinkage in (False, True)]
     errors = [np.mean([(each.coef_[:4] / unit(k)[2] - 1) ** 2 for k, each in fleet.items()]) for fleet in fleets]
     assert errors[1] < errors[0] / 2
 
@@ -212,14 +207,12 @@ def test_decays_of_the_device_are_not_measured_by_lags_of_another_column():
     records = [unit(seed, days=1)[0] for seed in range(3)]
     for seed, log in enumerate(records):
         log.insert(0, "humidity", np.random.default_rng(seed).normal(50, 5, len(log)).cumsum())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        fleet = [clone(model).fit(log[["temperature", "humidity"]], log["reading"]) for log in records]
-        new = DynamicBiasRegressor(
-            "temperature", prior=LawPrior.of(fleet), effects=[*model.effects, InitialTransient([600.0])]
-        )
-        with pytest.raises(ValueError, match=r"have no 'lag\[600 s\]' in their law"):
-            new.fit(records[0][["temperature", "humidity"]], records[0]["reading"])
+    fleet = [clone(model).fit(log[["temperature", "humidity"]], log["reading"]) for log in records]
+    new = DynamicBiasRegressor(
+        "temperature", prior=LawPrior.of(fleet), effects=[*model.effects, InitialTransient([600.0])]
+    )
+    with pytest.raises(ValueError, match=r"have no 'lag\[600 s\]' in their law"):
+        new.fit(records[0][["temperature", "humidity"]], records[0]["reading"])
 
 
 def test_what_the_fleet_has_seen_is_not_outside(prior, fleet):

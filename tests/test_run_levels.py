@@ -1,7 +1,5 @@
 """Runs at different levels: each has its U0, the rest of the model is that of one level, and nothing else changes."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -34,9 +32,7 @@ def two_runs(apart=0.0, seed=3, rows=3000, pause="2 D"):
 
 
 def fitted(X, y, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        return DynamicBiasRegressor("temperature", TIMES, run="run", **options).fit(X, y)
+    return DynamicBiasRegressor("temperature", TIMES, run="run", **options).fit(X, y)
 
 
 @pytest.mark.parametrize("apart", [-4000.0, 50.0, 4e6])
@@ -109,9 +105,7 @@ def test_a_file_and_a_stream_know_the_levels(tmp_path):
 
 def test_the_table_of_variants_is_of_levels_too():
     X, y = two_runs(apart=4000.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        table = compare_variants(X, y, temperature="temperature", time_constants=TIMES, run="run").table
+    table = compare_variants(X, y, temperature="temperature", time_constants=TIMES, run="run").table
     assert table.loc["dynamic nonlinear", "std"] < 1.05 * NOISE
 
 
@@ -130,22 +124,18 @@ def test_a_run_without_readings_and_a_single_run_have_no_level():
 
 def test_a_search_of_time_constants_knows_the_levels():
     X, y = two_runs(apart=4000.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        search = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, y)
-        alike = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, two_runs()[1])
+    search = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, y)
+    alike = TimeConstantSearch(DynamicBiasRegressor("temperature", run="run")).fit(X, two_runs()[1])
     assert search.best_estimator_.residual_std_ < 1.03 * alike.best_estimator_.residual_std_
 
 
 def test_three_resistors_in_four_runs_keep_their_levels(measured):
     """Measured: four runs in an oven, elements 2, 2, 1 and 3 of a kind, 10 to 50 ppm apart."""
     record = pd.read_csv(measured / "vhd200_resistor" / "vhd200_resistor.csv")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        X, y = record.drop(columns="resistance_ohm"), record["resistance_ohm"]
-        model = DynamicBiasRegressor("oven_temp_degC", run="run", time="time").fit(X, y)
-        levels = model.correct(X, y).groupby(record["run"]).mean()
-        one = DynamicBiasRegressor("oven_temp_degC", run="run", time="time", run_offset="same").fit(X, y)
+    X, y = record.drop(columns="resistance_ohm"), record["resistance_ohm"]
+    model = DynamicBiasRegressor("oven_temp_degC", run="run", time="time").fit(X, y)
+    levels = model.correct(X, y).groupby(record["run"]).mean()
+    one = DynamicBiasRegressor("oven_temp_degC", run="run", time="time", run_offset="same").fit(X, y)
     assert len(model._run_levels.times) == 3
     assert model.residual_std_ < one.residual_std_ / 10
     assert abs(levels["run9"] - levels["run10"]) < 0.004  # ohm: the same element
@@ -177,9 +167,7 @@ def test_a_fleet_that_shares_time_constants_knows_the_levels():
         X, y = two_runs(apart)
         devices[name] = X.assign(reading=y)
     model = DynamicBiasRegressor("temperature", 2, run="run")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        fleet = fit_fleet(1, devices, "reading", model, shared_time_constants=True)
+    fleet = fit_fleet(1, devices, "reading", model, shared_time_constants=True)
     assert fleet["far"].residual_std_ < 1.05 * NOISE
 
 

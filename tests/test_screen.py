@@ -108,9 +108,7 @@ def clean():
 
 
 def fit(X, y, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RecordWarning)
-        return DynamicBiasRegressor("temperature", TAUS, **options).fit(X, y)
+    return DynamicBiasRegressor("temperature", TAUS, **options).fit(X, y)
 
 
 def spoiled(X, y, temperature=True):
