@@ -13,7 +13,7 @@ from thermocorr import DynamicBiasRegressor, OnlineCorrector
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.equations import MovingAverage
-from thermocorr.live.filled import Tracker
+from thermocorr.live.clock import Tracker
 
 SIZES = ("1", "N-1", "N", "N+1", "2N+1", "8191", "8192", "8193", "mixed")
 

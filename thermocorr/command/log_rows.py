@@ -23,7 +23,7 @@ from ..foreign.roles import named_time
 from ..foreign.sniffing import are_units, units_below
 from ..foreign.timed import unit_of_times
 from ..live.corrector import OnlineCorrector
-from ..live.filled import COLUMNS
+from ..live.samples import COLUMNS
 from ..records import RecordError
 from ..records.errors import listing, quoted, times_word
 from ..records.files import fields_of, header_of, is_comment, miscounted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
@@ -299,6 +300,20 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if self.filling_.stand_ins:
             self.filling_ = self.filling_.at_end_of(record)
         self.history_ = History.of(record, end_states, self.longest_step(), screen=self.screen_)
+
+    def without(self, at: int) -> DiffusiveFeatures:
+        """A fitted copy without the effect of this place; rows and what the screen knows of needed columns stay."""
+        left, history = copy(self), self.history_
+        left.effects_ = [*self.effects_[:at], *self.effects_[at + 1 :]]
+        needed = {history.record.temperature_name, *needed_columns(left.effect_list())}
+        columns = {name: values for name, values in history.record.columns.items() if name in needed}
+        ends = tuple([*states[:at], *states[at + 1 :]] for states in history.end_states)
+        if self.screen_ is not None:
+            inputs = {name: limits for name, limits in self.screen_.inputs.items() if name in needed}
+            left.screen_ = replace(self.screen_, inputs=inputs)
+        record = replace(history.record, columns=columns)
+        left.history_ = replace(history, record=record, end_states=ends, screen=left.screen_)
+        return left
 
     def thermometers(self) -> Thermometers:
         """Thermometers among the columns."""

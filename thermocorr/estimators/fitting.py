@@ -113,6 +113,13 @@ class Swept:
         chunks = [chunk.select(columns) for chunk in self.chunks]
         return Swept(chunks, ends, self.reading_offset, self.binned and self.binned.ordered(columns[1:-1]))
 
+    def selected(self, columns: Sequence[int]) -> Swept:
+        """Some of the columns of Q alone; states at ends of segments are not kept."""
+        kept = [0, *(1 + k for k in columns), self.total().r.shape[1] - 1]
+        total = None if self.known_total is None else self.known_total.select(kept)
+        chunks, binned = [chunk.select(kept) for chunk in self.chunks], self.binned and self.binned.ordered(columns)
+        return Swept(chunks, [], self.reading_offset, binned, known_total=total)
+
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
         for factor in (*self.chunks, self.known_total):

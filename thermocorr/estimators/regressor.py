@@ -22,7 +22,7 @@ from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, penalty
 from .coverage import Coverage
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
-from .fitting import MergedRidge, require_rows, standard_errors, sweep_effects
+from .fitting import MergedRidge, Swept, require_rows, standard_errors, sweep_effects
 from .identifiability import doubts_of
 from .input_errors import readings_left_out
 from .prior import LawPrior, known_before
@@ -215,8 +215,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 believed, prior = self._learn(reader, record, reading, say)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed, prior)
-        # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
-        self.washout_ = 3.0 * self.features_.memory()
         return self
 
     def _knows_highest_power(self) -> bool:
@@ -257,6 +255,48 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.n_features_in_ = self.features_.n_features_in_
         if hasattr(self.features_, "feature_names_in_"):
             self.feature_names_in_ = self.features_.feature_names_in_
+
+    def without_effect(self, name: str) -> DynamicBiasRegressor:
+        """A copy without one of its `effects`, fitted to the same rows with the same time constants and penalty.
+
+        It is solved from factors of the record, without another look at the data. Where this model is not fitted, has a
+        prior, was read from a file, or fills cells by that effect's column, the copy is unfitted.
+
+        Parameters
+        ----------
+        name : str
+            As in a (name, effect) pair, or the kind and columns: "covariate_humidity".
+
+        Raises
+        ------
+        ValueError
+            For a name that none of them has.
+        """
+        model: DynamicBiasRegressor = super().without_effect(name)
+        if not hasattr(self, "_swept") or self.prior is not None:
+            return model
+        features = self.features_
+        at = [given for given, _ in features.effects_].index(name)
+        widths = [effect.n_columns() for effect in features.effect_list()]
+        low, left = sum(widths[:at]), features.without(at)
+        given = as_effects(model.effects)
+        left.set_params(effects=self._run_levels.beside(given) if self._run_levels.times else given)
+        if any(one.column not in left.history_.record.columns for one in features.filling_.stand_ins):
+            return model
+        kept = [k for k in range(len(self.coef_)) if not low <= k < low + widths[at]]
+        same = (
+            "_degree",
+            "search_",
+            "_run_levels",
+            "reading_",
+            "alpha_",
+            "notes_",
+            "n_features_in_",
+            "feature_names_in_",
+        )
+        model.__dict__ |= {key: self.__dict__[key] for key in same if key in self.__dict__}
+        model._take(left, self._swept.selected(kept))
+        return model
 
     def predict(self, X: Any, return_std: bool = False) -> Any:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.
@@ -358,10 +398,16 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self._swept.prior = prior.rows(features.effect_list(), features.thermometers().further)
         if prior is not None or record.weight is not None:  # the noise is not that of the bins
             self._swept.binned = None
-        self._solution = self._swept.solution(self.alpha_)
         features.remember(record, self._swept.end_states)
-        ridge = MergedRidge(self.alpha_).take(self._solution, self._swept.reading_offset)
+        self._take(features, self._swept)
+
+    def _take(self, features: DiffusiveFeatures, swept: Swept) -> None:
+        """Become the model of these columns, with the coefficients that their factors give."""
+        self._swept, self._solution = swept, swept.solution(self.alpha_)
+        ridge = MergedRidge(self.alpha_).take(self._solution, swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+        # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
+        self.washout_ = 3.0 * features.memory()
 
     def _learn_levels(self, record: Record) -> None:
         """Find out where the runs of a record change their level: the first step of `fit`."""

@@ -1,6 +1,6 @@
 """Floor 5: a fitted model on a running stream."""
 
 from .corrector import OnlineCorrector
-from .filled import Corrected
+from .samples import Corrected
 
 __all__ = ["Corrected", "OnlineCorrector"]

@@ -18,8 +18,10 @@ from ..records import Record, Segment, SegmentStart
 from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS
 from ..records.segments import Flags
-from .filled import NOTHING, Clock, LiveErrors, LiveFilling, outside
+from .clock import Clock
+from .samples import outside
 from .state import StreamState
+from .uncertain import NOTHING, LiveErrors, LiveFilling
 
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""

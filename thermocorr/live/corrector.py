@@ -21,13 +21,11 @@ from ..records.numbers import is_frame
 from ..records.read import times_of
 from ..records.record_log import as_data
 from .advance import Advanced, Stream
-from .filled import (
+from .clock import Tracker
+from .samples import (
     NO_TEMPERATURE,
-    NOTHING,
     Answers,
     Corrected,
-    LiveErrors,
-    Tracker,
     checked_label,
     column_of,
     one_number,
@@ -36,6 +34,7 @@ from .filled import (
     stretches,
 )
 from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
+from .uncertain import NOTHING, LiveErrors
 
 
 class OnlineCorrector:

@@ -28,7 +28,7 @@ from ..files.effect_nodes import EffectCodec, check_state
 from ..files.error_nodes import numbers_or_nan
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
 from ..records.grammar import LARGEST
-from .filled import LiveErrors, LiveFilling, Numbers
+from .uncertain import LiveErrors, LiveFilling, Numbers
 
 _MOST_CORRECTED = 1e300
 """Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""

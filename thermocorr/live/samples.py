@@ -1,0 +1,173 @@
+"""Samples of a stream: what comes in, and what is answered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import quoted
+from ..records.labels import check_dates, out_of_reach
+from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
+from ..records.screen import Limits
+from ..records.segments import Flags
+from ..records.times import BEYOND
+
+NO_TEMPERATURE = "no temperature"
+"""Flag of a sample that lacks a temperature, or a column that the model needs."""
+
+
+class Corrected(NamedTuple):
+    """Result for one sample."""
+
+    corrected: float
+    """Reading less bias, eq. (24); NaN without a reading."""
+    bias: float
+    """What was taken away; NaN without a temperature."""
+    flags: tuple[str, ...]
+    """Every reason for distrust, the weightiest first; empty where there is none."""
+    smoothed: float = math.nan
+    """Moving average of the corrected reading, eq. (26); NaN unless asked for."""
+    reference: float = math.nan
+    """Tracked U0; NaN unless asked for."""
+    u: float = math.nan
+    """Standard uncertainty of the corrected reading; NaN unless asked for."""
+    u_smoothed: float = math.nan
+    """Standard uncertainty of the moving average; NaN unless both are asked for."""
+
+    @property
+    def flag(self) -> str:
+        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
+        return self.flags[0] if self.flags else ""
+
+
+COLUMNS = {"flag": "flags"}
+"""Name of a result -> attribute of `Answers`, where they differ."""
+
+
+class Answers:
+    """Results for many samples, column by column."""
+
+    def __init__(self, n: int):
+        self.corrected, self.bias, self.smoothed, self.reference = (np.full(n, np.nan) for _ in range(4))
+        self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
+        self.flags = Flags(n)
+
+    def __setitem__(self, rows: slice, samples: Sequence[Corrected]) -> None:
+        for name, column in zip(Corrected._fields, zip(*samples, strict=True), strict=True):
+            if name != "flags":
+                getattr(self, name)[rows] = column
+            elif any(column):
+                for k, sample in zip(range(rows.start, rows.stop), samples, strict=True):
+                    self.flags[k] = sample.flag
+
+    def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
+        """The columns of these names, beside the rows of X."""
+        result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
+        result["flag"] = self.flags.column()
+        return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
+
+    def spread(self, why: np.ndarray, reference: float) -> Answers:
+        """Columns with rows between that got nothing, for a reason; `reference` was tracked before them."""
+        out, kept = Answers(len(why)), why == ""
+        for name, column in vars(self).items():
+            getattr(out, name)[kept] = column
+        out.flags[~kept] = why[~kept]
+        last = np.maximum.accumulate(np.where(kept, np.arange(len(kept)), -1))
+        out.reference = np.where(last < 0, reference, out.reference[last])
+        return out
+
+
+def one_number(value: Any) -> float:
+    """A float; NaN for None. RecordError for text, TypeError for what is of another type."""
+    try:
+        return math.nan if value is None else float(value)
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else RecordError
+        raise kind(
+            "A sample's temperature, reading and columns must be numbers, None or NaN where there is none. "
+            f"Got {value!r:.60} instead."
+        ) from None
+
+
+def _floats(values: Any) -> np.ndarray:
+    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
+    array = np.array(values, float)
+    array[np.isinf(array)] = np.nan
+    return array
+
+
+def _whole(column: Any) -> Any:
+    """All rows of a column; pandas' as they are, for a slice of one copies what is said about it (`attrs`)."""
+    return column if isinstance(column, pd.Series | pd.DataFrame) else column[:]
+
+
+def readings(y: Any, n: int) -> np.ndarray:
+    """Readings as floats, NaN where there is none, shape (n,)."""
+    given = _whole(as_pandas(y))
+    try:
+        values = _floats(given)
+    except (TypeError, ValueError):  # the same, or a sentence about what is wrong
+        given = given if isinstance(given, pd.Series) else np.asarray(given)
+        values = _floats(as_numbers(given, "The reading y", "reading"))
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    if values.shape != (n,):
+        raise RecordError(
+            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
+        )
+    return values
+
+
+def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
+    """A column as floats, NaN for what is missing; RecordError, in a sentence, for one that is none."""
+    try:
+        return _floats(_whole(X[name]) if is_frame(X) else X[:, name])
+    except (KeyError, IndexError, TypeError, ValueError):
+        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+
+
+def refused_rows(inputs: Mapping[Any, Limits], stamps: np.ndarray, values: Any) -> np.ndarray | None:
+    """Why each row is passed over, "" where it is not; None where all are believed."""
+    lacking = np.flatnonzero(~np.logical_and.reduce([np.isfinite(column) for column in values.values()]))
+    found = [
+        each for name, limits in inputs.items() for each in limits.reasons(values[name], lambda k: stamps[k].item())
+    ]
+    found.append((lacking, NO_TEMPERATURE))
+    if not any(len(rows) for rows, _ in found):
+        return None
+    why = np.full(len(stamps), "", dtype=object)
+    for rows, reason in found:
+        why[rows] = reason
+    return why
+
+
+def checked_label(label: Any, column: Any) -> Any:
+    """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
+    if type(label) is not str:
+        if pd.isna(label):
+            raise RecordError(f"The sample has no label of its run in {quoted(column)}. Label every sample.")
+        if out_of_reach(label):
+            raise RecordError(f"The label of the sample's run is {label!s:.60}. {BEYOND}")
+    return label
+
+
+def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
+    """Stretches of rows of the same run: first row, row after the last, label."""
+    if labels is None:
+        return [(0, n, None)]
+    if labels.isna().any():
+        raise RecordError(f"Row {int(labels.isna().argmax())} has no label of its run. Label every row.")
+    codes, names = pd.factorize(labels)
+    check_dates(codes, names, "The column of the run's label")
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
+    return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]
+
+
+def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:
+    """True if a further column lies outside its fitted range."""
+    return any(not low <= values[column] <= high for column, low, high in ranges)
