@@ -21,10 +21,10 @@ from ..files.writer import Position
 from ..live.corrector import OnlineCorrector
 from ..records import RecordError, RecordWarning
 from ..records.errors import printable, times_word
-from ..records.files import CUT, fields_of
+from ..records.files import CUT, csv_text, fields_of
 from .lines import Lines, TableLines, open_lines
 from .loading import OneColumn, add_table_options, how_to_read, number_or_span
-from .log_rows import LogRow, LogRows, csv_text
+from .log_rows import LogRow, LogRows
 from .stopping import Stopped, StopSignal
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import select
 import stat
@@ -24,7 +22,7 @@ from ..foreign.several import plain_head
 from ..foreign.values import is_unit, is_value
 from ..records import RecordError
 from ..records.errors import existing_file
-from ..records.files import LONGEST, fields_of, format_of
+from ..records.files import LONGEST, csv_text, fields_of, format_of
 from ..records.grammar import is_missing
 from ..records.types import kind_of
 from .stopping import StopSignal
@@ -129,7 +127,7 @@ class PipeLines(Lines):
         self, descriptor: int, idle: float | None, stop: StopSignal, own: bool = False, names: Sequence[str] = ()
     ):
         self.descriptor, self.idle, self.stop, self.own = descriptor, idle, stop, own
-        self._header = csv_line(names) if names else b""
+        self._header = csv_text([names]) if names else b""
         self._comments = 0
         """Lines before the header, which are passed over."""
         self._begun = False
@@ -188,13 +186,6 @@ class PipeLines(Lines):
         """Close the pipe."""
         if self.own:
             os.close(self.descriptor)
-
-
-def csv_line(cells: Sequence[str]) -> bytes:
-    """Cells as a line of plain CSV."""
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerow(cells)
-    return out.getvalue().encode()
 
 
 def _has_names(comment: bytes, behind: bytes) -> bool:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -236,10 +234,6 @@ class LogRows:
             self.complain(f"times in {self.time_unit or 's'}, by the units below the header")
         return True
 
-    def _by_their_size(self) -> bool:
-        """True if times that are numbers are told by nothing but their size."""
-        return self._by_size and not self.time_unit
-
     def _unit_of_times(self, name: str) -> str:
         """The unit of the log's times, where these are numbers and none of seconds; "" where the user says a form."""
         return unit_of_times(name, self._units) if self._seconds and self._by_size else ""
@@ -357,7 +351,7 @@ class LogRows:
         if self._time is None:
             return LogRow(fields, None, run, values, U)
         time: Any = fields[self._time].strip()
-        if self._by_their_size():
+        if self._by_size and not self.time_unit:
             unit, time = unix_time(time, self._kind)
             if unit and self.says_unix:
                 self.complain(f"read as: Unix times in {unit}")
@@ -373,13 +367,6 @@ def _cells(line: bytes) -> list[str]:
         return fields_of(line)
     except RecordError:
         return []
-
-
-def csv_text(rows: Iterable[list[str]]) -> bytes:
-    """Rows as lines of CSV."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().encode("utf-8")
 
 
 def _cell(value: Any) -> str:

@@ -75,7 +75,7 @@ def time_grid(record: Record, steps: float, share: float, ratio: float = 2.0, li
     if high < low:
         return []
     count = int(np.log(high / low) / np.log(ratio) + 1e-9) + 1
-    return [_three_digits(low * ratio**k) for k in range(count)]
+    return [float(f"{low * ratio**k:.3g}") for k in range(count)]
 
 
 def temperature_quantiles(record: Record, shares: Any) -> np.ndarray:
@@ -94,7 +94,3 @@ def time_quantiles(record: Record, shares: Any) -> np.ndarray:
 def mean_seconds(record: Record) -> float:
     """Mean time of the rows since the record began [s]."""
     return sum(float(block.seconds.sum()) for block in record.blocks()) / record.n_used
-
-
-def _three_digits(value: float) -> float:
-    return float(f"{value:.3g}")

@@ -139,18 +139,7 @@ class EffectsParameters(_BaseComposition, ParametersOnce):
         return model
 
     def without_effect(self, name: str) -> Self:
-        """An unfitted copy of this model without one of its `effects`.
-
-        Parameters
-        ----------
-        name : str
-            As in a (name, effect) pair, or the kind and columns: "covariate_humidity".
-
-        Raises
-        ------
-        ValueError
-            For a name that none of them has.
-        """
+        """An unfitted copy of this model without the effect of this name; ValueError where none has it."""
         model: Self = clone(self)
         given = as_effects(model.effects)
         if name not in [own for own, _ in given]:

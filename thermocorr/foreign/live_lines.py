@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..records import RecordError
-from ..records.files import fields_of
+from ..records.files import csv_text, fields_of
 from ..records.times import dates_once
 from .clocks import BEHIND_TIMES, date_form, point_for_comma, understood
 from .how import HowToRead
@@ -117,7 +115,7 @@ class LineTranslator:
 
     def header(self) -> bytes:
         """The line of names."""
-        return self._line([name for k, name in enumerate(self.dialect.names) if not self._is_dropped(k)])
+        return csv_text([[name for k, name in enumerate(self.dialect.names) if not self._is_dropped(k)]])
 
     def row(self, line: bytes) -> bytes:
         """A line as plain CSV; an empty one for a comment; as it stands where it is no row, for others to complain."""
@@ -130,8 +128,8 @@ class LineTranslator:
                 said = cells[self._time] if self._joined is None else " ".join(cells[k].strip() for k in self._joined)
                 cells[self._time] = self._moment(said)
         except ValueError:
-            return self._line([f"{text[:60]!r} is not written as the rows before"])
-        return self._line([cell for k, cell in enumerate(cells) if not self._is_dropped(k)])
+            return csv_text([[f"{text[:60]!r} is not written as the rows before"]])
+        return csv_text([[cell for k, cell in enumerate(cells) if not self._is_dropped(k)]])
 
     def _is_dropped(self, k: int) -> bool:
         """True if a column has gone into that of the times."""
@@ -166,9 +164,3 @@ class LineTranslator:
         moment = day + timedelta(hours=hours, minutes=minutes, seconds=seconds[0] if seconds else 0)
         fraction = found["fraction"] or found["third"]
         return moment.isoformat() + (f".{fraction}" if fraction else "")
-
-    @staticmethod
-    def _line(cells: list[str]) -> bytes:
-        out = io.StringIO()
-        csv.writer(out, lineterminator="\n").writerow(cells)
-        return out.getvalue().encode()

@@ -26,7 +26,7 @@ from ..pages import Answer
 from ..pages.report import report_text
 from ..records import RecordError
 from ..records.errors import printable
-from .acts import Act, Add, Arrangement, Mark, ModelSettings, Past, act_of, products_of
+from .acts import Act, Add, Arrangement, Mark, ModelSettings, Past, act_of, shape_of
 from .bench import Bench
 from .learning import RUNS, Fitted, quietly
 from .source import SAMPLES, ReadLog, built_in, fingerprint, opened
@@ -147,19 +147,13 @@ def _there(name: str, folder: Path) -> str:
 
 def _settings(node: Any) -> ModelSettings:
     given = fields(node, "$.settings", tuple(item.name for item in dataclasses.fields(ModelSettings)))
-    taus = given["time_constants"]
-    if isinstance(taus, list):
-        given["time_constants"] = tuple(taus)
-    elif taus != "auto":
-        integer(taus, "$.settings.time_constants", 1, 64)
-    integer(given["degree"], "$.settings.degree", 0, 9)
+    shape = shape_of(given, "$.settings")
     if type(given["screen"]) is not bool:
         raise ModelFileError("$.settings.screen is neither true nor false")
-    products_of(given["products"], "$.settings")
     for name in ("sampling_period", "max_gap"):
         if given[name] is not None and not isinstance(given[name], int | float | str):
             raise ModelFileError(f"$.settings.{name} is no span of time")
-    return ModelSettings(**given)
+    return ModelSettings(**{**given, **dataclasses.asdict(shape)})
 
 
 class Chapter(NamedTuple):
@@ -169,18 +163,18 @@ class Chapter(NamedTuple):
     code: str
 
 
-def script(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+def script(bench: Bench, found: Fitted) -> str:
     """The session as a Python script."""
-    parts = [f"# {_title(source)}"]
-    for chapter in chapters(source, found, acts, own_file):
+    parts = [f"# {_title(bench.source)}"]
+    for chapter in chapters(bench, found):
         parts += ["", *(f"# {line}" for line in chapter.text.splitlines()), chapter.code]
     return "\n".join([TEXT_MARK, *parts]) + "\n"
 
 
-def notebook(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str = "") -> str:
+def notebook(bench: Bench, found: Fitted) -> str:
     """The session as a Jupyter notebook."""
-    cells = [_cell("markdown", f"# {_title(source)}")]
-    for chapter in chapters(source, found, acts, own_file):
+    cells = [_cell("markdown", f"# {_title(bench.source)}")]
+    for chapter in chapters(bench, found):
         cells += [_cell("markdown", chapter.text), _cell("code", chapter.code)]
     cells.append(_cell("code", "diagnosis.plot(X)  # needs matplotlib: pip install matplotlib"))
     cells = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells)]
@@ -198,16 +192,18 @@ def _title(source: ReadLog) -> str:
     return f"The thermal bias of {printable(source.name)}, as it was learned on the workbench."
 
 
-def chapters(source: ReadLog, found: Fitted, acts: tuple[Act, ...], own_file: str) -> list[Chapter]:
+def chapters(bench: Bench, found: Fitted) -> list[Chapter]:
     """Chapters of the script."""
-    arrangement = found.arrangement
+    source, arrangement = bench.source, found.arrangement
     effects = [effect for _, effect in as_effects(found.model.effects)]
     steps = [
-        f"{number}. {printable(act.sentence())}" for number, act in enumerate(acts, 1) if isinstance(act, Add | Mark)
+        f"{number}. {printable(act.sentence())}"
+        for number, act in enumerate(bench.acts, 1)
+        if isinstance(act, Add | Mark)
     ]
     done = "\n".join(["The model, and what was done:", *steps]) if steps else "The model."
     return [
-        Chapter("What it needs.", _imports(source, effects, own_file)),
+        Chapter("What it needs.", _imports(source, effects, bench.own_file)),
         Chapter("The log.", _log(source, arrangement)),
         *([Chapter("Rows that were marked.", marks)] if (marks := _marks(arrangement)) else []),
         Chapter(done, _model_text(found, effects)),
@@ -314,7 +310,8 @@ class Kind(NamedTuple):
     file: str
     media: str
     what: str
-    write: Callable[[Bench, Fitted, Path], None]
+    make: Callable[[Bench, Fitted, Path], str | bytes | None]
+    """Gives the content of the file; None where it has written the file itself."""
 
 
 def taken(bench: Bench, kind: str, folder: Path) -> Path:
@@ -329,20 +326,8 @@ def taken(bench: Bench, kind: str, folder: Path) -> Path:
     if found is None:
         raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")
     path = Path(tempfile.mkdtemp(prefix="take-", dir=folder)) / KINDS[kind].file
-    quietly(lambda: KINDS[kind].write(bench, found, path))
-    return path
-
-
-def _script(bench: Bench, found: Fitted, path: Path) -> None:
-    write_file(path, script(bench.source, found, bench.acts, bench.own_file))
-
-
-def _notebook(bench: Bench, found: Fitted, path: Path) -> None:
-    write_file(path, notebook(bench.source, found, bench.acts, bench.own_file))
-
-
-def _model(bench: Bench, found: Fitted, path: Path) -> None:
-    write_file(path, content_of(found.model, data=(found.data.X, found.data.learned)))
+    made = quietly(lambda: KINDS[kind].make(bench, found, path))
+    return path if made is None else write_file(path, made)
 
 
 def _corrected(bench: Bench, found: Fitted, path: Path) -> None:
@@ -355,14 +340,14 @@ def _has_index(bench: Bench) -> bool:
     return bench.source.frame.index.name is not None or bench.source.frame.index.dtype.kind in "mM"
 
 
-def _report(bench: Bench, found: Fitted, path: Path) -> None:
+def _report(bench: Bench, found: Fitted, path: Path) -> str:
     answer = Answer(
         diagnosis=found.diagnosis,
         unjudged=found.said.get("diagnosis", "Not judged yet." if found.diagnosis is None else ""),
         source=bench.source.name,
         command="thermocorr workbench",
     )
-    write_file(path, report_text(found.model, found.data.X, found.data.y, answer))
+    return report_text(found.model, found.data.X, found.data.y, answer)
 
 
 def _firmware(bench: Bench, found: Fitted, path: Path) -> None:
@@ -373,16 +358,19 @@ def _firmware(bench: Bench, found: Fitted, path: Path) -> None:
             packed.write(part, part.name)
 
 
-def _session(bench: Bench, found: Fitted, path: Path) -> None:
-    write_file(path, session_text(bench))
-
-
 KINDS = {
-    "script": Kind("session.py", "text/x-python", "Python script", _script),
-    "notebook": Kind("session.ipynb", "application/x-ipynb+json", "Notebook", _notebook),
-    "model": Kind("model.json", "application/json", "model.json", _model),
+    "script": Kind("session.py", "text/x-python", "Python script", lambda bench, found, _: script(bench, found)),
+    "notebook": Kind(
+        "session.ipynb", "application/x-ipynb+json", "Notebook", lambda bench, found, _: notebook(bench, found)
+    ),
+    "model": Kind(
+        "model.json",
+        "application/json",
+        "model.json",
+        lambda _, found, __: content_of(found.model, data=(found.data.X, found.data.learned)),
+    ),
     "corrected": Kind("corrected.csv", "text/csv", "corrected.csv", _corrected),
     "report": Kind("report.html", "text/html", "Report page", _report),
     "firmware": Kind("firmware.zip", "application/zip", "C source", _firmware),
-    "session": Kind("session.json", "application/json", "Session file", _session),
+    "session": Kind("session.json", "application/json", "Session file", lambda bench, *_: session_text(bench)),
 }

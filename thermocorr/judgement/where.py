@@ -34,7 +34,8 @@ def where_it_fails(
     deviation of the noise of one sample.
     """
     lag, recorded = largest_lag(model), [name for name in record.columns if name != record.temperature_name]
-    effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])]), *(Covariate(c) for c in recorded)]
+    effects: list[Effect] = [Rate(), *([] if lag is None else [ThermalLag([lag])])]
+    effects += (Covariate(name) for name in (*recorded, record.temperature_name))
     degree = difference_unit(model.reading_.temperature_unit)
     aspects: list[dict[str, Any]] = [{"aspect": "rate", "unit": f"{degree}/h"}]
     aspects += [] if lag is None else [{"aspect": "lag difference", "time_constant": lag, "unit": degree}]
@@ -42,7 +43,7 @@ def where_it_fails(
     aspects.append({"aspect": "temperature", "column": record.temperature_name})
     for effect in effects:
         effect.learn(record)
-    data = averaged(replace(record, reading=residual), [*effects, _Temperature(), _Square()])
+    data = averaged(replace(record, reading=residual), [*effects, _Square()])
     *values, squares = (columns[:, 0] for columns in data.columns)
     squares = squares + max(rms**2 - float(np.average(squares, weights=data.counts)), 0.0)  # what averaged rows hide
     values[0] = values[0] * 3600.0
@@ -108,16 +109,6 @@ def _against_white(data: Averages, floor: float) -> pd.DataFrame:
     excess = found.deviation / np.maximum(white, 1e-300)
     figures = (found.averaging_times, found.deviation, found.low, found.high, white, excess)
     return pd.DataFrame(dict(zip(ALLAN_COLUMNS, figures, strict=True)))
-
-
-class _Temperature(Effect):
-    """The temperature itself."""
-
-    def names(self) -> list[str]:
-        return ["temperature"]
-
-    def columns(self, block: Any, state: Any) -> tuple[np.ndarray, Any]:
-        return block.temperature, state
 
 
 class _Square(Effect):

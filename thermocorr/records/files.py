@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -329,3 +329,10 @@ def require_column(names: Iterable[Any], name: str, option: str) -> str:
     if name not in columns:
         raise RecordError(f"There is no column {quoted(name)} for --{option}; there are {listing(columns)}.")
     return name
+
+
+def csv_text(rows: Iterable[Sequence[str]]) -> bytes:
+    """Rows as lines of CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode("utf-8")
