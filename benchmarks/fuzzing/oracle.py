@@ -17,7 +17,7 @@ _PLAIN = frozenset("0123456789+-.eE")
 _USUAL = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 _FRACTION = re.compile(r"(?<=[0-9]{2})\.([0-9]+)")
 _SHORT_DAY = re.compile(r"([0-9]{4})-([0-9]{1,2})-([0-9]{1,2})(?![0-9])")
-_LAST = (1 << 63) - 1
+_FIRST, _LAST = (int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 10**9 for year in (1880, 2170))
 
 
 @dataclass
@@ -117,7 +117,7 @@ def date(cell: str) -> tuple[int, bool, bool] | None:
     zoned = when.tzinfo is not None
     since = when - (datetime(1970, 1, 1, tzinfo=UTC) if zoned else datetime(1970, 1, 1))
     stamp = since // timedelta(microseconds=1) * 1000 + (int(digits[1][:9].ljust(9, "0")) if digits else 0)
-    if abs(stamp) > _LAST:
+    if not _FIRST <= stamp <= _LAST:
         return None
     return stamp, zoned, _USUAL.fullmatch(cell) is not None
 
@@ -155,7 +155,8 @@ def _row(n: int, line: bytes, names: list[str], roles: Roles) -> Row:
     found = fields(line)
     if found is None:
         return Row(n, "out")
-    if not found or found == names:
+    comment = found and found[0].lstrip().startswith("#") and len(found) != len(names)
+    if not found or found == names or comment:
         return Row(n, "skipped", found)
     if len(found) != len(names):
         return Row(n, "out", found)

@@ -376,7 +376,8 @@ def _run(options: argparse.Namespace) -> int:
         if path is not None:
             claims.claim(path)
     with StopSignal() as stop:
-        times = options.time or model.time
+        untimed = model.features_.history_.kind == "rows"
+        times = "" if untimed else options.time or model.time  # "": no column is looked at for times
         idle = options.idle if options.follow else None
         how = how_to_read(options, (*live.columns, *model.thermometers_, model.reading_.name, model.run))
         lines = open_lines(options.log, options.follow, idle, stop, how, times, getattr(model, "_log_form", {}))

@@ -147,6 +147,8 @@ def understood(values: pd.Series[Any], form: str | None = None, zone: str | None
     optional): Time zone of local times, such as "Europe/Berlin": they become UTC. Raises RecordError for dates that
     have two readings, and those that have none.
     """
+    if kind_of(values) == "other":
+        raise RecordError(f"{quoted(values.name)} holds lists, no times. Name another column.")
     if kind_of(values) == "text" and is_number(first_cell(values)):
         text: Any = values.astype("string").str.strip()
         numbers = pd.to_numeric(text, errors="coerce")

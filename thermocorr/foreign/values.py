@@ -22,9 +22,6 @@ SOME = 10_000
 """Cells of a column, at random, that tell whether it is worth looking at all of them."""
 
 
-_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
-
-
 def without(frame: pd.DataFrame, missing: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
     """The frame without the words and numbers that say that there is no value, and how many these were.
 
@@ -72,11 +69,11 @@ def nearly_numbers(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
             continue
         numbers = _numbers(frame[name]).copy()
         infinite = np.flatnonzero(np.isinf(numbers))
-        numbers[[row for row in infinite if _INFINITE.fullmatch(str(frame[name].iloc[row]).strip())]] = np.nan
+        numbers[[row for row in infinite if says_no_value(str(frame[name].iloc[row]))]] = np.nan
         others: Any = frame[name][np.isnan(numbers) & frame[name].notna().to_numpy()]
         if len(others) > (1 - NEARLY) * frame[name].notna().sum() or np.isinf(numbers).any():
             continue
-        none = [says_no_value(str(cell)) or bool(_INFINITE.fullmatch(str(cell).strip())) for cell in others]
+        none = [says_no_value(str(cell)) for cell in others]
         words = Counter(others[[not is_one for is_one in none]])
         if words:
             cells = times_word(sum(words.values()), "cell")

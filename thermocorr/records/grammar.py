@@ -19,6 +19,7 @@ NO_VALUE = frozenset((
     "over range", "out of range", "over", "under", "underflow", "underrange", "unavailable", "unknown", "no data",
     "nodata", "open", "burnout", "burn out", "fault", "error", "err", "bad", "invalid", "stale", "timeout",
     "not connected", "offline", "#value!", "#div/0!", "#ref!", "#num!", "#name?", "nan",
+    "inf", "infinity",
     "undefined", "#nv", "#wert!", "?", "-", "--", "---", "----", "-----", "*", "***", "****", "*****", "#####",
 ))  # fmt: skip
 """What instruments and loggers write in place of a number that they do not have: in small letters, without a sign."""
@@ -53,7 +54,7 @@ def number(text: str, what: str, switch: bool = False) -> float:
     `text` (str): Digits of ASCII with a decimal point, an exponent after e or E, blanks around them: ``-1.5e-3``; or
     a word for no value, one of `NO_VALUE`. `what` (str): What the cell holds, for the message. `switch` (bool,
     default False): Read true and false as 1 and 0: recorded columns may be switches, temperatures and readings may
-    not. Raises RecordError for anything else, infinities, and numbers beyond `LARGEST`.
+    not. Raises RecordError for anything else, and numbers beyond `LARGEST`.
     """
     cell = text.strip(_BLANKS)
     if _NUMBER.fullmatch(cell):

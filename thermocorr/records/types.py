@@ -60,6 +60,8 @@ def kind_of(values: Any) -> ColumnKind:
     if pd.api.types.is_timedelta64_dtype(dtype):
         return "span"
     inner = pd.api.types.infer_dtype(values, skipna=True) if pd.api.types.is_object_dtype(dtype) else ""
+    if inner == "mixed" and isinstance(values[pd.notna(values)].iloc[0], list | dict | np.ndarray):
+        return "other"
     return {"boolean": "switch", "decimal": "number"}.get(inner, "text")  # type: ignore[return-value]
 
 
