@@ -61,8 +61,8 @@ def fit_fleet(
     Parameters
     ----------
     workers : int, concurrent.futures.Executor, dask.distributed.Client, or None
-        Who does it: so many processes (joblib's ``n_jobs``; None for what joblib is set to), an executor, or a cluster
-        (extra "dask").
+        A number of processes (joblib's ``n_jobs``; None for what joblib is set to), an executor, or a cluster (extra
+        "dask").
     devices : mapping of name to ParquetLog, DataFrame, path, or future of one of these
         The devices' records.
     reading : str

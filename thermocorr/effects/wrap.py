@@ -83,7 +83,7 @@ class TransformerEffect(Effect):
 def as_effects(given: Any, parameter: str = "effects") -> list[tuple[str, Effect]]:
     """The user's effects as named effects: a list of effects, transformers, or (name, effect) pairs.
 
-    Raises ValueError for what is none of them, and for a name that stands twice.
+    Raises ValueError for anything else, and for a name that stands twice.
     """
     if isinstance(given, Effect) or hasattr(given, "transform"):
         given = [given]

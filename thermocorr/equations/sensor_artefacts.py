@@ -246,7 +246,7 @@ class Scanned:
         return replace(self, **{name: places + rows for name, places in found.items() if len(places)})
 
     def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
-        """Spikes that are none of the device's own jumps: at least half of the jumps of their size return."""
+        """Spikes, not jumps of the device itself: at least half of the jumps of their size return."""
         if not len(self.spikes) or len(self.spikes) > MOST * n_rows:
             return np.zeros(0, np.intp)
         returning = Jumps()

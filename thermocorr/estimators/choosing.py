@@ -119,7 +119,7 @@ def _error(learned: TriangularFactor, tested: TriangularFactor, columns: Sequenc
 def count_to_choose(given: Any) -> int | None:
     """Number of time constants to choose: None where it is open, 0 where they are given.
 
-    Raises ValueError for what is none of these.
+    Raises ValueError for anything else.
     """
     if isinstance(given, str) and given == "auto":
         return None

@@ -496,7 +496,7 @@ class FittedModel:
         return reading
 
     def _refused(self, block: Block, reading: np.ndarray) -> list[tuple[np.ndarray, str]]:
-        """Numbers of a block's readings that are none, by reason."""
+        """Numbers of a block's readings that are refused, by reason."""
         screen = self.features_.history_.screen
         if screen is None:
             return []

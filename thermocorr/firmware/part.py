@@ -110,7 +110,7 @@ class Said(NamedTuple):
     sums: int = 0
 
     def cost(self, products: int = 0, sums: int = 0) -> Operations:
-        """Operations of a statement that has this, and so many more products and sums."""
+        """Operations of a statement that has this, and more products and sums."""
         return Operations.of(self.products + products, self.sums + sums)
 
 

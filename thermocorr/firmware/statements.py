@@ -359,7 +359,7 @@ class Statements:
         self.cost += cost
 
     def loop(self, times: int, turn: Callable[[Formula], Sequence[Statement]], cost: Operations = NOTHING) -> None:
-        """Add a loop of so many turns, of which each costs so much; one turn stands alone."""
+        """Add a loop of some turns, of which each costs so much; one turn stands alone."""
         body = turn(TURN if times > 1 else Whole(0))
         if times > 1:
             self.add(Loop(times, body), cost=cost * times)

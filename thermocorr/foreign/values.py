@@ -93,7 +93,7 @@ def nearly_numbers(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 
 def _numbers(cells: pd.Series[Any]) -> np.ndarray:
-    """Numbers of cells, NaN for what is none."""
+    """Numbers of cells, NaN for anything else."""
     numbers: Any = pd.to_numeric(cells, errors="coerce")
     if numbers.isna().any():
         numbers = pd.to_numeric(cells.astype("string").map(_bare, na_action="ignore").astype(object), errors="coerce")

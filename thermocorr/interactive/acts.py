@@ -128,7 +128,7 @@ class Arrangement:
     changes: tuple[Moment, ...] = ()
     """Moments from which the measurand is another one."""
     spikes: tuple[int, ...] = ()
-    """Rows whose readings are none."""
+    """Rows whose readings are no measurements."""
 
     def key(self) -> str:
         """A name that only equal arrangements share."""

@@ -271,7 +271,7 @@ def sentence(error: BaseException) -> str:
 
 
 def spans(given: str) -> list[float | str]:
-    """Time constants as a person types them: ``60, 15min, 2h``; ValueError for what is none."""
+    """Time constants as a person types them: ``60, 15min, 2h``; ValueError for anything else."""
     found: list[float | str] = []
     for part in (word.strip() for word in given.split(",")):
         if not part:

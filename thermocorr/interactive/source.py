@@ -97,7 +97,7 @@ class ReadLog:
 
 
 def built_in(name: str = "") -> ReadLog:
-    """A record of `SAMPLES`, the first one by default; ValueError for a name that is none of theirs."""
+    """A record of `SAMPLES`, the first one by default; ValueError for any other name."""
     name = name or FIRST
     if name not in SAMPLES:
         raise ValueError(f"There is no built-in record {name!r}. There are: {', '.join(SAMPLES)}.")

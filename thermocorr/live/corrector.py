@@ -54,7 +54,7 @@ class OnlineCorrector:
     model : DynamicBiasRegressor
         Fitted, or loaded with `thermocorr.load_model`. It is not changed.
     average : int, optional
-        Report the mean of the last so many corrected readings too, eq. (26).
+        Report the mean of that many last corrected readings too, eq. (26).
     track : float or time span, optional
         Report a slowly tracked U0 too: the mean of the corrected readings under an exponential weight with this time
         constant [s], starting with the model's U0. Flagged readings do not enter; a gap alone does not keep one out.

@@ -124,7 +124,7 @@ def readings(y: Any, n: int) -> np.ndarray:
 
 
 def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
-    """A column as floats, NaN for what is missing; RecordError, in a sentence, for one that is none."""
+    """A column as floats, NaN for what is missing; RecordError, in a sentence, for any other."""
     try:
         return _floats(_whole(X[name]) if is_frame(X) else X[:, name])
     except (KeyError, IndexError, TypeError, ValueError):

@@ -139,7 +139,7 @@ class _Looked:
         self.count, self.low, self.high = 0, np.inf, -np.inf
 
     def sound(self, values: Floats) -> Floats:
-        """The numbers, NaN for those that are none."""
+        """The numbers, NaN for all others."""
         values = np.where(np.abs(values) <= LARGEST, values, np.nan)
         self.count += int(np.isfinite(values).sum())
         self.low = min(self.low, float(np.fmin.reduce(values, initial=np.inf)))

@@ -235,7 +235,7 @@ class TimeColumn(ParquetColumn):
 
 
 def open_parquet(path: str | PathLike[str]) -> Any:
-    """A Parquet file; RecordError for one that is none, ImportError where pyarrow is not installed."""
+    """A Parquet file; RecordError for any other, ImportError where pyarrow is not installed."""
     try:
         from pyarrow import ArrowException, parquet
     except ImportError:

@@ -63,7 +63,7 @@ class Itself:
 
 
 class Refused(NamedTuple):
-    """Rows whose reading or input is none."""
+    """Rows whose reading or input is no measurement."""
 
     what: str
     """ "reading", "temperature", or a recorded column in quotes."""

@@ -159,7 +159,7 @@ class Limits:
         return np.array([k for k in alike.tolist() if self.spikes.get(stamp_of(k)) == values[k]], np.intp)
 
     def reason(self, value: float, stamp: Any) -> str:
-        """Why a value is none: "sentinel", "spike", "other unit"; "" where it is one, or is missing."""
+        """Why a value is refused: "sentinel", "spike", "other unit"; "" where it is one, or is missing."""
         low, high = self._between
         if (value <= low or value >= high) and (abs(value) >= OVERLOAD or value in self.codes):
             return SENTINEL

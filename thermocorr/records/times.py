@@ -616,6 +616,6 @@ def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
 
 
 def date_of_text(text: str) -> Any:
-    """One date as a column of dates is read; NaT for what is none."""
+    """One date as a column of dates is read; NaT for anything else."""
     parsed = _parse_dates(pd.Series([text], dtype="string"))
     return parsed.iloc[0]

@@ -115,7 +115,7 @@ def without_unit(name: str, unit: str) -> str:
 
 
 def unit_of_text(text: str) -> str:
-    """The unit that a text is: ``"°C"`` is degC; "" for a text that is none.
+    """The unit that a text is: ``"°C"`` is degC; "" for any other text.
 
     Examples
     --------

@@ -157,7 +157,7 @@ class SignedModel(FittedModel):
         return hasattr(self, "_known_errors") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def _slim(self, history_rows: int = 100) -> Any:
-        """Forget the fitted record but for so many rows: small to send and to keep, as a model read from a file.
+        """Forget the fitted record but for that many rows: small to send and to keep, as a model read from a file.
 
         Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
         find their states from the rows that are kept. Errors of further combinations need the record.

@@ -208,7 +208,7 @@ CAUSES = {
 }  # fmt: skip
 """Parts that are estimates of the same thing: their variances have their degrees of freedom together."""
 MOST_ROWS = 5000
-"""Rows of a covariance matrix at most: a matrix of so many has 200 MB."""
+"""Rows of a covariance matrix at most: a matrix of that many has 200 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -62,7 +62,7 @@ def cloud_of(tiles: Tiles, curves: dict[str, str], asked: Mapping[str, str]) -> 
 
 
 def _curve(curves: dict[str, str], name: str) -> str:
-    # What stands with the curves and is none
+    # What stands with the curves and is no curve
     if name not in curves or name in ("begins", "row"):
         raise NoSuchCurve(name)
     return curves[name]
