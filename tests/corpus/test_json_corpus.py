@@ -238,6 +238,8 @@ def test_a_state_that_was_saved_is_a_state_that_goes_on(correct, tmp_path):
 
 
 FORGED = {
+    "a reference that is no text": (("parameters", "reference"), {"$array": [1.0]}),
+    "half a character as reference": (("parameters", "reference"), "\ud800"),
     "a long degree": (("effects", 0, "parameters", "degree"), [0.0] * 5000),
     "an infinite coefficient": (("coefficients", 0), {"$float": "inf"}),
     "a coefficient of text": (("coefficients", 0), "1"),

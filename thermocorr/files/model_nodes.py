@@ -270,6 +270,8 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         for column in columns:
             if column is not None:
                 name(column, f"{where}.parameters.{key}")
+    if parameters["reference"] is not None:
+        text(parameters["reference"], f"{where}.parameters.reference")
     model = DynamicBiasRegressor(**parameters)
     given_effects = model.effects if isinstance(model.effects, list | tuple) else ()
     for i, item in enumerate(given_effects):
