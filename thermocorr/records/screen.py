@@ -70,16 +70,6 @@ class WeightedReading:
     weight: Floats
     """Shape (n_rows,); zero for a reading that is not learned from."""
 
-    @property
-    def name(self) -> Any:
-        """Name of the readings' column, where they have one."""
-        return self.y.columns[0] if hasattr(self.y, "columns") else getattr(self.y, "name", None)
-
-    @property
-    def attrs(self) -> dict[str, Any]:
-        """Attributes of the readings."""
-        return dict(getattr(self.y, "attrs", {}))
-
 
 def reading_of(y: Any, X: Any, reference: object = None) -> tuple[NDArray[Any] | None, Floats | None]:
     """Readings as numbers, those without weight left out, and their weights; None where there are none.
