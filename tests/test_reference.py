@@ -17,6 +17,7 @@ from thermocorr import (
     save_model,
 )
 from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
 from thermocorr.datasets._planted import follow
 from thermocorr.effects import Step
 from thermocorr.firmware import export_c
@@ -209,3 +210,15 @@ def test_a_sensors_own_numbers_leave_more_than_the_model(fitted):
     seconds = 60.0 * np.arange(LEARNED)
     found = temperature_compensation(log["board"][:LEARNED], log["room_sensor"][:LEARNED], seconds)
     assert found.rms > 5 * rms(model.residuals(log[:LEARNED], log["board"][:LEARNED]))
+
+
+@pytest.mark.parametrize(("n", "seed", "hidden"), [(6000, 3, {}), (21_000, 302, {"lag_products": 2.0})])
+def test_time_constants_and_products_are_those_of_the_difference(n, seed, hidden):
+    """Whatever the reference does: with gaps, which ask for a second choice, and in a record of many rows."""
+    record = make_record(n, seed=seed, gaps=0 if hidden else 6, effects=hidden)
+    reference = 1000.0 + 0.5 * np.cumsum(np.random.default_rng(0).standard_normal(n))
+    X, y = record[["temperature"]], record["reading"]
+    plain = DynamicBiasRegressor("temperature").fit(X, y)
+    against = DynamicBiasRegressor("temperature", reference="better").fit(X.assign(better=reference), y + reference)
+    np.testing.assert_allclose(against.time_constants_, plain.time_constants_)
+    assert against.products_ == plain.products_ == bool(hidden)
