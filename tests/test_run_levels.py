@@ -216,6 +216,9 @@ def test_a_model_without_an_effect_is_that_of_a_fit_without_it(runs, tmp_path):
     np.testing.assert_allclose(less.uncertainty(X, y).u, other.uncertainty(X, y).u, rtol=1e-6)
     later = X.assign(humidity=np.nan)  # nothing asks for it any more
     assert list(less.flags(later, y)) == list(other.flags(X, y))
+    constant = DynamicBiasRegressor("temperature", TIMES, effects=effects, **options).fit(X.assign(humidity=50.0), y)
+    assert any("'humidity' never changes" in note for note in constant.notes_)
+    assert not any("humidity" in note for note in constant.without_effect("moist").notes_)
     loaded = load_model(save_model(less, tmp_path / "less.json"))
     np.testing.assert_array_equal(loaded.predict(X), less.predict(X))
     assert not hasattr(loaded.without_effect("weather"), "pipeline_")  # a file has no factors

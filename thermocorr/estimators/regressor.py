@@ -17,7 +17,7 @@ from ..effects.stream import equal_edges
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
 from ..records import Block, Record
-from ..records.errors import warn
+from ..records.errors import quoted, warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, chosen_products, penalty
 from .coverage import Coverage
@@ -279,22 +279,16 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         at = [given for given, _ in features.effects_].index(name)
         widths = [effect.n_columns() for effect in features.effect_list()]
         low, left = sum(widths[:at]), features.without(at)
-        given = as_effects(model.effects)
-        left.set_params(effects=self._run_levels.beside(given) if self._run_levels.times else given)
+        left.set_params(effects=self._run_levels.beside(as_effects(model.effects)))
         if any(one.column not in left.history_.record.columns for one in features.filling_.stand_ins):
             return model
         kept = [k for k in range(len(self.coef_)) if not low <= k < low + widths[at]]
         same = (
-            "_degree",
-            "search_",
-            "_run_levels",
-            "reading_",
-            "alpha_",
-            "notes_",
-            "n_features_in_",
-            "feature_names_in_",
-        )
+            "_degree", "search_", "_run_levels", "reading_", "alpha_", "n_features_in_", "feature_names_in_",
+        )  # fmt: skip
         model.__dict__ |= {key: self.__dict__[key] for key in same if key in self.__dict__}
+        unused = [column for column in features.history_.record.columns if column not in left.history_.record.columns]
+        model.notes_ = tuple(note for note in self.notes_ if not any(quoted(column) in note for column in unused))
         model._take(left, self._swept.selected(kept))
         return model
 
@@ -428,8 +422,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         given["degree"] = min(self.degree, getattr(self, "_degree", self.degree))
         features = DiffusiveFeatures(time_constants, **given)
         levels = getattr(self, "_run_levels", RunLevels()) if levels is None else levels
-        if levels.times:
-            features.set_params(effects=levels.beside(as_effects(self.effects)))
+        features.set_params(effects=levels.beside(as_effects(self.effects)))
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
 

@@ -34,7 +34,9 @@ class RunLevels(NamedTuple):
     note: str = ""
 
     def beside(self, effects: list[tuple[str, Effect]]) -> list[tuple[str, Effect]]:
-        """Effects of a model, and the steps between its runs behind them."""
+        """Effects of a model, and the steps between its runs after them, where there are any."""
+        if not self.times:
+            return effects
         taken = {name for name, _ in effects}
         name = NAME if NAME not in taken else f"{NAME}_of_runs"
         return [*effects, (name, SeveralSteps(list(self.times)))]

@@ -296,8 +296,7 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         learned.append((text(item.get("name"), f"{place}.name"), effect))
     features.effects_ = learned
     model._run_levels = RunLevels.among(learned, as_effects(model.effects))
-    if model._run_levels.times:
-        features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
+    features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
     features.filling_ = unpack_filling(node["filling"], f"{where}.filling", features.history_.record.columns)

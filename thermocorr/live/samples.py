@@ -67,7 +67,7 @@ class Answers:
                     self.flags[k] = sample.flag
 
     def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
-        """The columns of these names, beside the rows of X."""
+        """The columns of these names, with the index of X."""
         result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
         result["flag"] = self.flags.column()
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)

@@ -74,7 +74,7 @@ class LiveErrors:
         return self.u(variances), of_mean
 
     def _mean_variance(self, count: int) -> float:
-        """Variance of the mean of the noise of so many readings a usual step apart."""
+        """Variance of the mean noise of that many readings, a usual step apart."""
         if count not in self._mean_variances:
             noise = replace(self.joint.noise, size_seconds=np.zeros(0), sizes=np.zeros(0))
             self._mean_variances[count] = sum(noise.of_mean(np.arange(count) * self.history.usual_step))
