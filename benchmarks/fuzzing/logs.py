@@ -178,12 +178,25 @@ def resume(rng: random.Random, room: Room) -> str:
     return RIGHT
 
 
+def _is_good(log: oracle.Log) -> bool:
+    """True if a whole log has nothing to refuse: 24 rows in even steps, a temperature and a reading in each."""
+    if log.header is None or log.torn or {row.verdict for row in log.rows} != {"row"} or len(log.rows) < 24:
+        return False
+    steps = np.diff([float(row.stamp) for row in log.rows if row.stamp is not None])
+    values = np.array([[row.values["temperature"], row.values["reading"]] for row in log.rows])
+    even = len(steps) and 0 < steps.max() < 5 * steps.min()
+    return bool(even and np.isfinite(values).all() and np.ptp(values, axis=0).all())
+
+
 def analyze(rng: random.Random, room: Room) -> str:
     """`analyze`, which reads a log as a whole, and `correct` with its model: the same rows and corrected readings."""
-    _, content = a_log(rng, room, TABLES)
+    subject, content = a_log(rng, room, TABLES)
     log, out = room.write("log.csv", content), room.folder / "out"
     options = ["--reading", "reading", "--time-constants", "10min,2h", "--blocks", "2", "--quiet", "--out", out]
-    if run("analyze", log, *options).status == 2:
+    done = run("analyze", log, *options)
+    if done.status == 2:
+        if _is_good(oracle.log(content, subject.roles)):
+            raise Found(REFUSED_GOOD, done.said[-1])
         return REFUSED
     if not (out / "model.json").exists():  # no correction is advised
         return RIGHT
