@@ -95,6 +95,8 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
         "kind": kind, "setting": setting, "seed": seed, "verdict": found.verdict, "suspects": " | ".join(suspects),
         "absorbed": kind not in NOTHING + UNKNOWN and bool(error < 0.15 * NOISE),
         "accused": accused, "first": accused and suspects[0] == true, "named": accused and true in suspects,
+        "confirmed": true in [name_of(cause.effect) for cause in found.causes],
+        "calm": found.verdict == "nothing missing",
         "owned up": not accused or (kind == "random_telegraph" and suspects[0] in ("several_steps", "disturbance")),
         "column blamed": accused and ":" in suspects[0], "products": bool(case.model.products_),
     }  # fmt: skip
@@ -111,7 +113,8 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
     )
     print(shares.mean().assign(records=shares.size()).round(3).to_string())
     planted = seen[~seen["kind"].isin(NOTHING + UNKNOWN)]
-    print(f"planted: first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%} of {len(planted)}")
+    print(f"planted: first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%}, "
+          f"confirmed {planted['confirmed'].mean():.1%} of {len(planted)}")
     if verbose:
         print(seen[~seen["first"]].to_string())
 

@@ -127,8 +127,8 @@ def segments() -> list[Line]:
     """300 runs in place of one."""
     X, y = record(84_000)
     runs = X.assign(run=np.arange(len(X)) * 300 // len(X))
-    many = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same")
-    rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", run_offset="same", initial_state="equilibrium")
+    many = DynamicBiasRegressor("temperature", TAUS[:4], run="run")
+    rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", initial_state="equilibrium")
     what, fitted = "300 runs with start-up decays, 84 000 rows", partial(many.fit, runs, y)
     return [
         Line(f"fit of {what}", "without the decays", fitted, partial(rest.fit, runs, y), 5),

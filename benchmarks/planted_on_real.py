@@ -8,7 +8,8 @@ most a tenth of the record, with the spectrum fitted to the record's own residua
 the average when the planted column is taken in. Recorded columns of other places (decoys, and one of them the culprit
 where a column is planted) stand besides the temperature.
 
-Printed for each record and together: plant among the causes, in a declared set, decoys named, nobody accused.
+Printed for each record and together: the plant is named in either grade, or in a declared set; it is confirmed; a decoy is
+confirmed; nobody is named.
 """
 
 import itertools
@@ -150,13 +151,14 @@ def judged(case: Planted) -> dict[str, Any]:
     model = DynamicBiasRegressor(case.temperature).fit(case.X, case.y)
     found = diagnose(model, case.X, case.y)
     named = (*found.causes, *found.small)
-    causes = [name_of(cause.effect) for cause in named]
-    sets = causes + [name_of(effect) for cause in named for effect in cause.confusable_with]
+    sets = [name_of(effect) for cause in named for effect in (cause.effect, *cause.confusable_with)]
+    confirmed = [name_of(cause.effect) for cause in found.causes]
     own = case.label.partition(":")[2]
     return {
-        "record": case.name, "kind": case.label.split(":")[0], "among": case.label in causes,
-        "declared": case.label in sets, "nobody": not causes, "causes": causes, "verdict": found.verdict,
-        "foreign": any(":" in label and label.split(":")[1] != own for label in causes),
+        "record": case.name, "kind": case.label.split(":")[0], "named": case.label in sets,
+        "confirmed": case.label in confirmed, "nobody": not named, "causes": confirmed, "verdict": found.verdict,
+        "proven": [name_of(cause.effect) for cause in found.small],
+        "foreign": any(":" in label and label.split(":")[1] != own for label in confirmed),
     }  # fmt: skip
 
 
@@ -172,8 +174,8 @@ def main() -> None:
     plants = (plant(options.folder, *case, options.gain) for case in cases)
     table = pd.DataFrame([judged(case) for case in plants if case is not None])
     if options.verbose:
-        print(table[~table["declared"]].to_string())
-    figures = ["among", "declared", "foreign", "nobody"]
+        print(table[~table["named"]].to_string())
+    figures = ["named", "confirmed", "foreign", "nobody"]
     for by in ("kind", "record"):
         print(table.groupby(by)[figures].mean().round(2).to_string())
     print(f"gain {options.gain}, {len(table)} records: " + ", ".join(f"{f} {table[f].mean():.1%}" for f in figures))

@@ -13,7 +13,7 @@ where that test rejects at 2.5 %; the exit status is 1 then. Figures (errors as 
 the t test. The stored seeds serve no choice: tune on others. Measured records are read from `--records`; where the
 folder is absent, what needs them is named and left out.
 
-hidden      one effect of a simulated device at 1 and 0.5 times the noise; what the base model absorbs is left out
+hidden      one effect of a simulated device at 1, .5 and .2 of the noise; what the base model absorbs is left out
 several     two and three effects at once
 nothing     nothing is missing: thirteen noises, and devices that are not at rest when the record begins
 planted     effects planted on measured records, sized to gain 40 in log likelihood; soil apart, reported only
@@ -80,17 +80,18 @@ class Question(NamedTuple):
 
 QUESTIONS = [
     Question("hidden", "right cause first"),
-    Question("hidden", "declared"),
+    Question("hidden", "right cause confirmed"),
+    Question("hidden", "nothing missing, though confirmed", False),
     Question("several", "all that can be seen are found"),
     Question("several", "a cause that is not true", False),
     Question("nothing", "somebody accused", False),
     Question("nothing", "p <= 0.001", False),
-    Question("planted", "among the causes"),
-    Question("planted", "declared"),
-    Question("planted", "foreign column named", False),
-    Question("planted on soil", "among the causes", True, False),
-    Question("planted on soil", "declared", True, False),
-    Question("planted on soil", "foreign column named", False, False),
+    Question("planted", "named"),
+    Question("planted", "confirmed"),
+    Question("planted", "foreign column confirmed", False),
+    Question("planted on soil", "named", True, False),
+    Question("planted on soil", "confirmed", True, False),
+    Question("planted on soil", "foreign column confirmed", False, False),
     Question("odd", "false cause, odd thermometer", False),
     Question("odd", "true knee found, odd thermometer"),
     Question("odd", "false cause, slow log", False),
@@ -116,7 +117,11 @@ def hidden(kind: str, setting: str, seed: int, strength: float) -> Answers | Non
     found = hidden_effects.judge(kind, setting, seed, strength)
     if found is None or found["absorbed"]:
         return None
-    return {"right cause first": found["first"], "declared": found["named"]}
+    return {
+        "right cause first": found["first"],
+        "right cause confirmed": found["confirmed"],
+        "nothing missing, though confirmed": found["calm"] if found["confirmed"] else None,
+    }
 
 
 def several(setting: str, seed: int, n: int) -> Answers | None:
@@ -211,7 +216,7 @@ def planted(folder: str, name: str, kind: str, seed: int) -> Answers | None:
     if case is None:
         return None
     found = planted_on_real.judged(case)
-    return {"among the causes": found["among"], "declared": found["declared"], "foreign column named": found["foreign"]}
+    return {"named": found["named"], "confirmed": found["confirmed"], "foreign column confirmed": found["foreign"]}
 
 
 # ---- promises -------------------------------------------------------------------------------------------------------
@@ -256,7 +261,7 @@ def jobs(part: str, options: argparse.Namespace) -> Iterator[Job]:
         return range(first, first + (few if quick else many))
 
     if part == "hidden":
-        for seed, kind, strength in product(seeds(1, 4), CATALOGUE, (1.0, 0.5)):
+        for seed, kind, strength in product(seeds(1, 4), CATALOGUE, (1.0, 0.5, 0.2)):
             for setting in settings[:2] if quick else settings:
                 yield f"{kind} {setting} {seed} {strength:g}", hidden, (kind, setting, seed, strength)
     elif part == "several":

@@ -51,7 +51,7 @@ def test_the_solution_is_that_of_one_triangle(counts, alpha):
 def test_a_fit_of_many_runs_is_that_of_its_stretches(options):
     record = make_record(12_000, noise=0.2, seed=3)
     X = record[["temperature"]].assign(run=np.arange(12_000) // 100)
-    model = DynamicBiasRegressor("temperature", [60.0, 300.0, 1500.0, 9000.0], run="run", run_offset="same", **options)
+    model = DynamicBiasRegressor("temperature", [60.0, 300.0, 1500.0, 9000.0], run="run", **options)
     model.fit(X, record["reading"])
     assert model._swept.bordered is not None
     expected = solve_ridge(model._swept.total(), model.alpha_)

@@ -137,12 +137,6 @@ def add_learning_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--events", metavar="COLUMN", help="a column that is 1 where that happened, else 0")
     group.add_argument(
-        "--run-offset",
-        choices=("auto", "each", "same"),
-        default="auto",
-        help="whether each run has a level of its own, which stays (default auto: where levels are far apart)",
-    )
-    group.add_argument(
         "--fill",
         metavar="COLUMN=RULE",
         action="append",
@@ -211,7 +205,6 @@ def load_log(options: argparse.Namespace) -> Loaded:
     learned: dict[str, Any] = {
         "screen": not options.no_screen,
         "effects": _events(options),
-        "run_offset": options.run_offset,
     }
     time_constants = parse_time_constants(options.time_constants)
     if not options.log:

@@ -14,7 +14,7 @@ from ..effects import Disturbance
 from ..effects.wrap import as_effects
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
-from ..records.numbers import UNKNOWN, Scale, quantity_text, span_text, span_texts
+from ..records.numbers import UNKNOWN, Scale, quantity_text, scale_of, span_text, span_texts
 
 MINUS = "\u2212"
 MANY_SPIKES = 10
@@ -109,12 +109,19 @@ def wrapped(name: str, width: int, lines: int = 3) -> str:
     return "\n".join(short if len(short) <= lines else [*short[: lines - 1], f"{short[lines - 1][: width - 4]} ..."])
 
 
-STANDINGS = {"proven": "proven", "helps": "helps on data not learned from; its cause is not proven", "": "not named"}
+STANDINGS = {
+    "confirmed": "confirmed",
+    "helps": "helps on data not learned from; its cause is not proven",
+    "proven": "proven, not confirmed",
+    "": "not named",
+}
 
 
 def suspect_sentence(suspect: Any) -> str:
     """Two sentences on a suspect: the evidence, and its physics."""
     tie = ""
+    size = f", {matters_text(suspect.matters_from)}" if suspect.matters_from else ""
+    lag = f"A lag, if any, is below {span_text(suspect.lag_below)}. " if suspect.lag_below else ""
     if suspect.confusable_with:
         tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
     if suspect.in_model:
@@ -122,8 +129,8 @@ def suspect_sentence(suspect: Any) -> str:
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
-            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}; {worth_text(suspect)}, "
-            f"p-value {probability_text(suspect.p_value)}{tie}. {when_text(suspect)} {physics}"
+            f"{suspect.title or suspect.effect.title()}: {STANDINGS[suspect.standing]}{size}; {worth_text(suspect)}, "
+            f"p-value {probability_text(suspect.p_value)}{tie}. {lag}{when_text(suspect)} {physics}"
         )
         .replace(".  ", ". ")
         .strip()
@@ -131,22 +138,32 @@ def suspect_sentence(suspect: Any) -> str:
 
 
 def worth_text(suspect: Any) -> str:
-    """By how much it lowers the error on data that the model was not learned from."""
-    blocks = f"{suspect.gain_db:.2f} dB on blocks held out"
+    """By how much it lowers the error of averages that the model was not learned from."""
+    blocks = f"{suspect.gain_db:.2f} dB on held-out blocks"
     if not np.isfinite(suspect.later_db):
-        return f"too late in the record to be tried on later data, lowers the error by {blocks}"
-    return f"lowers the error on later data by {suspect.later_db:.2f} dB, and by {blocks}"
+        return f"too late in the record to be judged on later data, lowers the error of averages by {blocks}"
+    return f"lowers the error of averages on later data by {suspect.later_db:.2f} dB, by {blocks}"
+
+
+def matters_text(readings: int) -> str:
+    """From which averaging on an effect is larger than the noise."""
+    return "more than one reading's noise" if readings < 2 else f"matters if you average {readings:,} readings or more"
+
+
+def size_text(suspect: Any, scale: Scale) -> str:
+    """Size of a named suspect, and from which averaging on it matters."""
+    return f"{scale.text(suspect.size, 2)} rms, {matters_text(suspect.matters_from)}"
 
 
 def small_sentence(found: Any) -> str:
-    """Sentence on effects that are too small to matter; empty where there are none."""
+    """Sentence on effects that are proven and not confirmed; empty where there are none."""
     if not found.small:
         return ""
-    most = max(found.small, key=lambda suspect: np.nan_to_num(suspect.later_db, nan=-np.inf))
-    what = "Another effect is" if len(found.small) == 1 else f"{len(found.small)} other effects are"
-    largest = f"{max(most.later_db, 0.0):.1f} dB on later data" if np.isfinite(most.later_db) else "too late to tell"
-    most_of_all = f"{most.label}{' most' * (len(found.small) > 1)}, {largest}"
-    return f"{what} significant, and worth too little to be added: {most_of_all}."
+    largest = sorted(found.small, key=lambda suspect: -suspect.size)
+    scale = scale_of([suspect.size for suspect in largest], printable(found.unit))
+    said = [f"{suspect.label} ({size_text(suspect, scale)})" for suspect in largest[:2]]
+    more = f" and {len(largest) - 2} more" if len(largest) > 2 else ""
+    return f"Proven, not confirmed on data not learned from: {', '.join(said)}{more}."
 
 
 def moment_texts(low: Any, high: Any) -> list[str]:
@@ -197,7 +214,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     if left.structured:
         said.append(
             f"{what} is left wanders by {scale.text(left.wandering)}, with a correlation time of about "
-            f"{span_text(left.correlation_time)}."
+            f"{span_text(left.correlation_time)}: {matters_text(left.matters_from)}."
         )
         if VERDICTS[verdict].in_doubt and not left.of_thermometers:
             to_log = next(text for limit, text in _TO_LOG if left.correlation_time <= limit)

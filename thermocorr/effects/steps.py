@@ -41,8 +41,7 @@ class SeveralSteps(Effect):
     learned = {"seconds_": "numbers", "moments_": "texts"}
     info = EffectInfo(
         physics="Something switches: a loose contact, a relay, a control loop with two states, or somebody who moves "
-        "or touches the instrument again and again. Or the runs of a log are at levels of their own "
-        "(run_offset='each').",
+        "or touches the instrument again and again.",
         bench_check="Log what switches in the room and in the instrument; tap contacts and cables; see whether the "
         "jumps go to and fro between the same levels.",
         formula="step[t] = 0 before t, 1 from t on, one for each moment",

@@ -3,12 +3,15 @@
 The record is cut into pieces of equal numbers of rows. Later stretches are predicted from all that came before them,
 and blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross
 products of the pieces. A jump is asked of the stretches behind it, once the first readings there have told its level.
+
+What an effect is worth is asked of averages, of neighbouring readings and of whole pieces: users average, and an effect
+of a fifth of the noise is the largest error of a mean of a hundred. Errors that are printed are those of readings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -45,8 +48,11 @@ def later_pieces(moment: float | None) -> list[tuple[range, range]]:
     return [(range(stop), range(stop, min(stop + AHEAD, PIECES))) for stop in range(first, PIECES, AHEAD)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Worth:
+FEWEST_STRETCHES = 3
+"""Later stretches below which nothing is confirmed."""
+
+
+class Falls(NamedTuple):
     """Fall of the squared error [dB], positive is good; means of the logarithm: one bad stretch counts once."""
 
     each: tuple[float, ...]
@@ -57,41 +63,56 @@ class Worth:
     """Mean on blocks of time that are held out."""
 
     @classmethod
-    def of(cls, later: np.ndarray, blocks: np.ndarray) -> Worth:
+    def of(cls, later: np.ndarray, blocks: np.ndarray) -> Falls:
         """From ratios of squared errors, without an effect over with it, on each stretch and on each block."""
         falls = 10 * np.log10(later)
         mean = float(falls.mean()) if len(falls) else np.nan
         return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
+    def adds(self, evenly: bool, twice: bool) -> bool:
+        """True if the error falls by `GAIN` on later stretches, and in most of them, see `Worth.adds`."""
+        most = 2 * sum(fall > 0 for fall in self.each) > len(self.each) >= FEWEST_STRETCHES
+        even = not evenly or min(self.each, default=0.0) >= -self.later / 2
+        return self.later >= GAIN and most and even and self.blocks >= (GAIN if twice else -GAIN)
+
+
+class Worth(NamedTuple):
+    """Fall of the squared error of averages on data that was not learned from."""
+
+    short: Falls
+    """Of averages of neighbouring readings."""
+    long: Falls
+    """Of averages of whole pieces, an eightieth of the record."""
+
     @property
     def rank(self) -> float:
         """Sort key: the fall of the error on later stretches, or on blocks where none are later."""
-        return self.blocks if np.isnan(self.later) else self.later
+        return self.short.blocks if np.isnan(self.short.later) else self.short.later
 
     @property
     def both(self) -> float:
-        """The lesser of the falls on later stretches and on held-out blocks."""
-        return min(self.later, self.blocks)
+        """The lesser of the falls on later stretches and on held-out blocks, of short averages."""
+        return min(self.short.later, self.short.blocks)
 
     @property
-    def share(self) -> float:
-        """Share of the squared error on later data that it takes away; on held-out blocks where none are later."""
-        return float(max(1 - 10 ** (-self.rank / 10), 0.0))
+    def clearest(self) -> Falls:
+        """Of the averages that show it best."""
+        return max(self, key=lambda falls: np.nan_to_num(min(falls.later, falls.blocks), nan=-np.inf))
 
-    def adds(self, evenly: bool = False) -> bool:
-        """True if it is worth adding: the error falls by `GAIN`, and in most of the later stretches.
+    def adds(self, evenly: bool = False, twice: bool = False) -> bool:
+        """True if it is worth adding: averages of either length are predicted better.
 
-        Where it must help `evenly`, none of them may cost more than half of what it gains in all.
+        What must help `evenly` may cost on no stretch more than half of what it gains in all. What is asked `twice`,
+        as it has a date, memory or a period, must gain on held-out blocks as well; all else must not lose there.
         """
-        most = 2 * sum(fall > 0 for fall in self.each) > len(self.each)
-        return self.later >= GAIN and most and not (evenly and min(self.each) < -self.later / 2)
+        return self.short.adds(evenly, twice) or self.long.adds(evenly, twice)
 
 
 class OutOfSample:
     """A model, and what further columns are worth beside it.
 
     `reading` (array of shape (n,)). `base` (array of shape (n, p)): Columns of the model; column 0 is the constant.
-    `unseen` (float): Mean square that averages of the readings do not show, and any model leaves.
+    `unseen` (float): Mean square of single readings that their averages do not show.
     """
 
     def __init__(self, reading: np.ndarray, base: np.ndarray, unseen: float = 0.0):
@@ -105,6 +126,11 @@ class OutOfSample:
         )
         self._folds: dict[tuple[int, int, int], Fold] = {}
 
+    @cached_property
+    def means(self) -> Products:
+        """Cross products of the means of the pieces, as often as these have rows."""
+        return self.products.of_means(self.products.base[:, 0], self.products.reading[:, 0], self.sizes)
+
     def _in_pieces(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Cross products in each piece."""
         return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(self.edges)])
@@ -117,7 +143,7 @@ class OutOfSample:
         """The model learned from some pieces and tested on others."""
         key = len(learn), test.start, test.stop
         if key not in self._folds:
-            self._folds[key] = Fold(self.products, learn, test, self.unseen * self._rows(test))
+            self._folds[key] = Fold(self.products, self.means, learn, test)
         return self._folds[key]
 
     def worth(self, explanations: Sequence[np.ndarray], moment: float | None = None) -> list[Worth]:
@@ -134,10 +160,16 @@ class OutOfSample:
                 reading=self._in_pieces(together, self.reading[:, None])[..., 0],
                 squares=np.stack([each[:, a:b].swapaxes(1, 2) @ each[:, a:b] for a, b in pairwise(self.edges)]),
             )
-            after = [np.array([fold.error_with(products) for fold in folds]) for folds in (later, blocks)]
-            before = [np.array([fold.error for fold in folds]) for folds in (later, blocks)]
+            sums = np.stack([each[:, a:b].sum(axis=1) for a, b in pairwise(self.edges)])
+            means = products.of_means(self.products.base[:, 0], self.products.reading[:, 0], self.sizes, sums)
+            before = [np.array([fold.errors for fold in folds]).reshape(-1, 2) for folds in (later, blocks)]
+            after = [
+                np.array([fold.errors_with(products, means) for fold in folds]).reshape(-1, 2, len(which))
+                for folds in (later, blocks)
+            ]
             for k, i in enumerate(which):
-                found[i] = Worth.of(*(b / a[:, k] if len(a) else b for b, a in zip(before, after, strict=True)))
+                ratios = [b / a[..., k] for b, a in zip(before, after, strict=True)]
+                found[i] = Worth(*(Falls.of(*(ratio[:, scale] for ratio in ratios)) for scale in (0, 1)))
         return [each for each in found if each is not None]
 
     def most_helpful(self, columns: np.ndarray) -> int:
@@ -147,32 +179,29 @@ class OutOfSample:
             reading=self._in_pieces(columns, self.reading[:, None])[..., 0],
             squares=np.stack([np.sum(columns[a:b] ** 2, axis=0)[:, None, None] for a, b in pairwise(self.edges)]),
         )
-        after = [self.fold(*pieces).error_with(products) for pieces in later_pieces(None)]
+        after = [self.fold(*pieces).errors_with(products)[0] for pieces in later_pieces(None)]
         return int(np.argmin(np.sum(np.log(after), axis=0)))
 
     def errors(self, moment: float | None = None) -> np.ndarray:
-        """Mean square error on each later stretch, behind a moment, shape (stretches,)."""
-        return np.array([self.fold(*pieces).error / self._rows(pieces[1]) for pieces in later_pieces(moment)])
+        """Mean square error of averages on each later stretch, behind a moment: short, long, shape (stretches, 2)."""
+        return self._errors(later_pieces(moment))
+
+    def _errors(self, folds: Sequence[tuple[Sequence[int], range]]) -> np.ndarray:
+        return np.array([np.array(self.fold(*f).errors) / self.sizes[list(f[1])].sum() for f in folds]).reshape(-1, 2)
 
     def later_rms(self, moment: float | None = None) -> float:
-        """Rms error on a later stretch, behind a moment: the geometric mean of all; NaN where there are none."""
-        return float(np.sqrt(geometric_mean(self.errors(moment))))
+        """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN where there are none."""
+        return float(np.sqrt(geometric_mean(self.errors(moment)[:, 0] + self.unseen)))
 
     @property
     def held_out_rms(self) -> float:
-        """Rms error on a block that is held out, the geometric mean of all."""
-        return float(np.sqrt(geometric_mean(self.block_errors())))
-
-    def block_errors(self) -> np.ndarray:
-        """Mean square error on each block, shape (blocks,)."""
-        return np.array([self.fold(*pieces).error / self._rows(pieces[1]) for pieces in BLOCKS])
-
-    def _rows(self, test: range) -> float:
-        return float(self.sizes[list(test)].sum())
+        """Rms error of a reading on a block that is held out, the geometric mean of all."""
+        return float(np.sqrt(geometric_mean(self._errors(BLOCKS)[:, 0] + self.unseen)))
 
     def against(self, other: OutOfSample, moment: float | None = None) -> Worth:
         """Out-of-sample gain of another model of the same record over this one, after a moment."""
-        return Worth.of(self.errors(moment) / other.errors(moment), self.block_errors() / other.block_errors())
+        later, blocks = (self._errors(folds) / other._errors(folds) for folds in (later_pieces(moment), BLOCKS))
+        return Worth(*(Falls.of(later[:, scale], blocks[:, scale]) for scale in (0, 1)))
 
 
 def geometric_mean(values: np.ndarray) -> float:
@@ -194,27 +223,48 @@ class Products(NamedTuple):
         """Sums over some pieces."""
         return Products(*(part[list(pieces)].sum(axis=0) for part in self))
 
+    def of_means(
+        self, base: np.ndarray, reading: np.ndarray, sizes: np.ndarray, sums: np.ndarray | None = None
+    ) -> Products:
+        """The same of the means of each piece.
+
+        `base`, `reading`: Sums of the base's columns and of the reading in each piece. `sizes`: Rows of each piece.
+        `sums` (array of shape (pieces, explanations, width)): Of explanations; None for the base itself.
+        """
+        own = base if sums is None else sums.reshape(len(sums), -1)
+        mean = own / sizes[:, None]
+        squares = reading**2 / sizes if sums is None else sums[..., None] * sums[..., None, :] / sizes[:, None, None, None]
+        return Products(base=base[:, :, None] * mean[:, None], reading=mean * reading[:, None], squares=squares)
+
 
 class Fold:
     """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
 
-    Columns are scaled to unit variance where they are learned, and lose their means there. `unseen` (float): Sum of
-    squares that the averages of the tested pieces do not show.
+    Columns are scaled to unit variance where they are learned, and lose their means there. `means` (Products): Of the
+    means of the pieces, on which it is tested as well.
     """
 
-    def __init__(self, products: Products, learn: Sequence[int], test: Sequence[int], unseen: float):
-        (A, b, _), (T, t, squares) = products.over(learn), products.over(test)
-        self.learn, self.test, self.unseen = learn, test, unseen
+    def __init__(self, products: Products, means: Products, learn: Sequence[int], test: Sequence[int]):
+        A, b, _ = products.over(learn)
+        self.learn, self.test = learn, test
         self.A, self.constant = A, A[0] / A[0, 0]  # what each column has of the constant
         centred = A - np.outer(A[0], self.constant)
         self.scale = _scale(np.diag(centred)[1:], np.diag(A)[1:])
         normed = centred[1:, 1:] * self.scale[:, None] * self.scale + RIDGE * np.eye(len(A) - 1)
         self.half = np.linalg.cholesky(normed)
-        self.coef, self.T = self._coefficients(b[:, None])[:, 0], T
-        self.missed = t - T @ self.coef
-        """Moments of the base with what it misses of the tested readings."""
-        self.b = b
-        self.error = max(float(squares - self.coef @ (t + self.missed)), 1e-300) + unseen
+        self.b, self.coef = b, self._coefficients(b[:, None])[:, 0]
+        self.tested = [self._tested(each.over(test)) for each in (products, means)]
+
+    def _tested(self, tested: Products) -> _Tested:
+        missed = tested.reading - tested.base @ self.coef
+        error = float(tested.squares - self.coef @ (tested.reading + missed))
+        return _Tested(base=tested.base, missed=missed, error=max(error, 1e-300))
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Squared errors of short and of long averages."""
+        short, long = self.tested
+        return short.error, long.error
 
     def _coefficients(self, moments: np.ndarray) -> np.ndarray:
         """Coefficients of the base for columns with these learned moments, shape (p, columns)."""
@@ -224,11 +274,9 @@ class Fold:
             inner = self.scale[:, None] * cho_solve((self.half, True), inner)
         return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
 
-    def error_with(self, products: Products) -> np.ndarray:
-        """Squared error with each explanation given the base, shape (explanations,)."""
-        (base, reading, squares), (base_t, reading_t, squares_t) = (
-            products.over(pieces) for pieces in (self.learn, self.test)
-        )
+    def errors_with(self, products: Products, *means: Products) -> np.ndarray:
+        """Squared errors with each explanation given the base, of short and of long averages, (2, explanations)."""
+        base, reading, squares = products.over(self.learn)
         count, width = squares.shape[:2]
         made = self._coefficients(base)  # of the explanation by the base
         size = np.diagonal(squares, axis1=1, axis2=2).ravel()
@@ -239,12 +287,23 @@ class Fold:
         own[:, range(width), range(width)] += RIDGE
         moment = reading - made.T @ self.b
         coef = np.linalg.solve(own, (scale * moment).reshape(count, width, 1)) * scale.reshape(count, width, 1)
-        missed = reading_t - base_t.T @ self.coef - made.T @ self.missed
-        beside = base_t - self.T @ made
-        squares = squares_t - _each(base_t, made, count) - _each(made, beside, count)
-        moments = 2 * missed.reshape(coef.shape) - squares @ coef
-        fall = np.sum(coef * moments, axis=1)[:, 0]
-        return np.asarray(np.maximum(self.error - self.unseen - fall, 1e-300) + self.unseen)
+        found = []
+        for known, tested in zip(self.tested, (products, *means), strict=False):
+            base, reading, squares = tested.over(self.test)
+            missed = reading - base.T @ self.coef - made.T @ known.missed
+            beside = base - known.base @ made
+            own = squares - _each(base, made, count) - _each(made, beside, count)
+            moments = 2 * missed.reshape(coef.shape) - own @ coef
+            found.append(np.maximum(known.error - np.sum(coef * moments, axis=1)[:, 0], 1e-300))
+        return np.array(found)
+
+
+class _Tested(NamedTuple):
+    """Products of a base with itself and with what it misses of tested readings, and its squared error."""
+
+    base: np.ndarray
+    missed: np.ndarray
+    error: float
 
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:

@@ -63,10 +63,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
         wherever they are met again. Later inputs that move as these never did are held back or doubted, see
         `thermocorr.records.gate`.
-    reference_temperature, initial_state, hold, time, run, sampling_period, max_gap, fill : see `DiffusiveFeatures`
-    run_offset : {"auto", "each", "same"}, default "auto"
-        Whether each run has a U0 of its own (steps that `correct` keeps), or all have the same. "auto": each where
-        levels are more than ten times as far apart as what is left within the runs, and the temperature varies there.
+    reference_temperature, initial_state, hold, time, sampling_period, max_gap, fill : see `DiffusiveFeatures`
+    run : str, optional
+        Column with the label of a run. Each run has a level (U0) of its own, which `correct` keeps; runs must not
+        overlap in time. Where runs measure the same quantity, leave it out: a gap starts a new segment.
     prior : fitted models of a fleet, or LawPrior, optional
         What like devices tell of this one: their time constants, T0, and the distribution of their coefficients, from
         which this device's own are taken to be drawn. An hour of a new unit is enough then. See
@@ -123,7 +123,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         "time_constants": "no_validation",
         "products": [*THERMAL_CONSTRAINTS["products"], StrOptions({"auto"})],
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
-        "run_offset": [StrOptions({"auto", "each", "same"})],
         "verbose": ["verbose"],
     }
 
@@ -142,7 +141,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         screen: bool = True,
         time: Any = None,
         run: Any = None,
-        run_offset: str = "auto",
         sampling_period: Any = None,
         max_gap: Any = None,
         fill: Any = None,
@@ -162,7 +160,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.screen = screen
         self.time = time
         self.run = run
-        self.run_offset = run_offset
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.fill = fill
@@ -202,7 +199,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             reader = self._unfitted_features((), RunLevels())
             record = reader.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
-            self._learn_levels(record)
+            self._run_levels = RunLevels() if self.run is None else run_levels(record)
             self.search_ = choose(self, record, reading, say)
             believed, prior = self._learn(reader, record, reading, say)
             covered = Coverage.of(record, self.degree if prior is None else 0)
@@ -403,19 +400,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
         self.washout_ = 3.0 * features.memory()
 
-    def _learn_levels(self, record: Record) -> None:
-        """Find out where the runs of a record change their level: the first step of `fit`."""
-        found = RunLevels()
-        if self.run is not None and self.run_offset != "same":
-            features = self._unfitted_features((), RunLevels())
-            features.learn_from(record)
-            found = run_levels(features, record, self.run_offset == "each")
-        self._run_levels = found
-
     def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
         """Features with the settings of this model and the time constants given, before their fit.
 
-        They have the steps between the runs that `_learn_levels` found, or those given.
+        They have the steps between the runs of the record, or those given.
         """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
         given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}

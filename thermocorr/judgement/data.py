@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..effects import CATALOGUE, LagProducts, SeveralSteps, StaticPolynomial, ThermalLag
+from ..effects import CATALOGUE, LagProducts, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..equations.noise import made_from, shows_the_same
@@ -17,7 +17,6 @@ from ..estimators.averages import rms, with_exact
 from ..estimators.input_errors import MANY
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.run_levels import moments_between_runs
 from ..records import Block, Log, ParquetLog, Record, read_record
 from ..records.errors import listing, warn
 from ..records.history import Thinned, thinned
@@ -26,7 +25,7 @@ from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
 from ..records.screen import LeftOut, screened
 from ..records.types import kind_of
-from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_LEVELS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
+from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
@@ -284,9 +283,6 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
         if effects.tried and kind not in exclude
         for effect in effects.candidates(record, columns)
     ]
-    between = moments_between_runs(record)
-    if SeveralSteps.kind not in exclude and 1 < len(between) < MOST_LEVELS:  # one alone is among the steps at any row
-        found.append(SeveralSteps(list(between)))
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):
             found += item.candidates(record, columns)

@@ -13,7 +13,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from ..displays.words import effect_text
-from ..effects import CATALOGUE, Covariate, Drift, Hysteresis, LaggedCovariate, LogAgeing
+from ..effects import CATALOGUE, Covariate, Drift, LaggedCovariate, LogAgeing
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
@@ -40,7 +40,7 @@ from .levels import HELPFUL, RANKED
 from .report import Diagnosis, FoundSuspect, Interval, as_one, intervals, what_is_left
 from .scan import DATED
 from .search import ANYWHERE, Search, Term, Tried
-from .terms import Pool
+from .terms import Pool, helps_evenly, passes_twice
 from .where import where_it_fails
 
 
@@ -52,15 +52,16 @@ class Cause:
     effect: Effect
     worth: Worth
     before: float
-    """Rms error on later stretches given the other causes, and without it."""
+    after: float
+    """Rms errors on later stretches given the other causes: without it, and with it."""
     moment: float | None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
-    evenly: bool
-    """True if it must help evenly: a product, or what has memory."""
+    size: float
+    """Rms of what it explains of the reading that the model and the other causes do not, in the unit of y."""
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
-    """Causes worth adding, the largest fall of the error first, and causes that are too small.
+    """Confirmed causes, the largest fall of the error first, and causes that are proven alone.
 
     One is added after the other, or two at once where one hides what the other is worth; and left out again where it is
     worth nothing given those that came later.
@@ -79,7 +80,9 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
             kept.remove(offer)
             left.append(offer)
     for offer in (*kept, *left):
-        offer.weigh(_beside(pool, kept, offer))
+        offer.settle(_beside(pool, kept, offer))
+        others = [other.term.tried.explanation.columns for other in kept if other is not offer]
+        offer.size = pool.size(offer.term.tried.explanation.columns, others)
     kept.sort(key=lambda offer: -offer.worth.rank)
     return [offer.cause for offer in kept], [offer.small for offer in left if offer.term.tried.proven]
 
@@ -120,8 +123,8 @@ class _Offer:
 
     def __init__(self, pool: Pool, term: Term, search: Search):
         effect = term.tried.explanation.effect
-        self.term = term
-        self.evenly = effect.is_product or isinstance(effect, Hysteresis)
+        self.term, self.before, self.after, self.size = term, np.nan, np.nan, 0.0
+        self.asked = helps_evenly(effect), passes_twice(effect)
         self.moment, self.columns = pool.moment(effect), search.coarse(term.tried)
         alike = [t for t in term.alike if not t.explanation.in_model and t.key[0] not in DATED]
         forms = _forms(pool, effect)
@@ -137,14 +140,18 @@ class _Offer:
         worths = [held.worth([columns], self.moment)[0] for _, columns in self.forms]
         best = 0
         for k in range(1, len(worths)):
-            if min(worths[k].later - worths[best].later, worths[k].both - worths[best].both) > GAIN:
+            if min(worths[k].rank - worths[best].rank, worths[k].both - worths[best].both) > GAIN:
                 best = k
         (self.effect, self.columns), self.worth, self.plain = self.forms[best], worths[best], worths[0]
-        self.before = held.later_rms(self.moment)
         if not self.term.tried.proven and self.worth.both < HELPFUL:
             return False
-        spoilt = self.moment is None and self.worth.blocks < -GAIN
-        return self.worth.adds(self.evenly) and not spoilt
+        return self.worth.adds(*self.asked)
+
+    def settle(self, held: OutOfSample) -> None:
+        """Weigh it for the last time: errors without it and with it."""
+        self.weigh(held)
+        self.before = held.later_rms(self.moment)
+        self.after = held.with_columns(self.columns).later_rms(self.moment)
 
     @property
     def cause(self) -> Cause:
@@ -158,8 +165,9 @@ class _Offer:
 
     def _as(self, effect: Effect, worth: Worth) -> Cause:
         return Cause(
-            term=self.term, effect=effect, worth=worth, before=self.before, moment=self.moment, evenly=self.evenly
-        )
+            term=self.term, effect=effect, worth=worth, before=self.before, after=self.after, moment=self.moment,
+            size=self.size,
+        )  # fmt: skip
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
@@ -262,7 +270,8 @@ def _conclude(
     quiet = rms * quiet_share(residual, search.pool.record, [(loud.start, loud.end) for loud in rest.loud])
     if not named:  # what heavy tails add to the rms is no structure
         quiet /= max(rest.tails, 1.0)
-    shown = [_cause(cause, when) for cause, when in zip(named, moments, strict=True)]
+    grades = ["confirmed"] * len(causes) + ["proven"] * len(small)
+    shown = [_cause(*each, rest.floor) for each in zip(named, grades, moments, strict=True)]
     found, slight = (as_one(part, search.pool.record) for part in (shown[: len(causes)], shown[len(causes) :]))
     keys = {cause.term.tried.key for cause in named}
     others = {t.key: t for t in reversed(search.last) if t.key not in keys and not t.explanation.in_model}
@@ -340,37 +349,40 @@ def _title(effect: Effect, scales: Scales) -> str:
     return f"{effect_text(effect)}: {parameters_text(effect, scales, str)}"
 
 
-def _cause(cause: Cause, when: tuple[tuple[Any, Any], ...]) -> FoundSuspect:
-    """A cause as the reader sees it."""
-    term = cause.term
+def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], noise: float) -> FoundSuspect:
+    """A cause as the reader sees it; `noise` is that of one reading."""
+    term, falls = cause.term, cause.worth.clearest
     found = [t for t in (term.tried, *term.alike) if not t.explanation.in_model]
     alike = [clone(t.explanation.effect) for t in found if t.explanation.effect is not cause.effect]
     return FoundSuspect(
         effect=clone(cause.effect),
-        standing="proven" if term.tried.proven else "helps",
-        share=cause.worth.share,
-        gain_db=cause.worth.blocks,
-        later_db=cause.worth.later,
+        standing=standing if term.tried.proven else "helps",
+        gain_db=falls.blocks,
+        later_db=falls.later,
         p_value=term.tried.p_value,
         confusable_with=tuple(alike),
         before=cause.before,
-        each=cause.worth.each,
+        after=cause.after,
+        each=falls.each,
         moment=cause.moment,
-        evenly=cause.evenly,
+        size=cause.size,
+        matters_from=max(1, int(np.ceil(min((noise / max(cause.size, 1e-300)) ** 2, 1e9)))),
+        lag_below=term.lag_below,
         in_model=any(t.explanation.in_model for t in term.alike),
         when=when,
     )
 
 
 def _other(tried: Tried, search: Search) -> FoundSuspect:
-    worth = search.pool.out_of_sample.worth([search.coarse(tried)])[0]
+    held, columns = search.pool.out_of_sample, search.coarse(tried)
+    falls = held.worth([columns])[0].clearest
     return FoundSuspect(
         effect=clone(tried.explanation.effect),
         standing="",
-        share=worth.share,
-        gain_db=worth.blocks,
-        later_db=worth.later,
+        gain_db=falls.blocks,
+        later_db=falls.later,
         p_value=tried.p_value,
-        before=search.pool.out_of_sample.later_rms(),
-        each=worth.each,
+        before=held.later_rms(),
+        after=held.with_columns(columns).later_rms(),
+        each=falls.each,
     )

@@ -27,8 +27,9 @@ GAUSSIAN = (2.4, 4.5)
 TAILS, NINE_TENTHS = 3.0, 1.645
 """Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
-WANDERS = 0.1
-"""Standard deviation of the wandering noise over that of one sample, below which it is not reported."""
+LONGEST_MEAN = 3
+"""Means of equal length that a record must hold: structure below the noise of the longest such mean is no error that a
+user can see."""
 
 # Where it fails
 
@@ -71,8 +72,6 @@ BEYOND = 2.0
 START_HELD = 0.03
 """Size of a direction that they span, over that of the first, below which it is left out: each takes of slow causes. In
 300 runs all that thirteen decays span hid a humidity, and two directions left a hysteresis that was not there."""
-MOST_LEVELS = 30
-"""Runs from which a level for each of them is no suspect."""
 GROUPS = 16
 """Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
 frequency: what one segment's directions share with another's so far away is next to nothing."""
@@ -185,6 +184,8 @@ MOMENTS = 3.68
 `thermocorr.judgement.report`."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
+LAG_POSSIBLE = 1.92
+"""Fall of the log likelihood up to which a lag is possible: 95 % (chi-square, one degree of freedom)."""
 ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""

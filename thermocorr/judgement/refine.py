@@ -25,6 +25,7 @@ from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
 from .diagnose import diagnose
 from .report import WIDTH, Diagnosis, FoundSuspect
+from .terms import helps_evenly, passes_twice
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,7 +182,8 @@ def _confirmed(
         found = diagnose(extended, X, y, **wanted)
         assert before.ahead is not None and found.ahead is not None
         moment = max((cause.moment for cause in some if cause.moment is not None), default=None)
-        if before.ahead.against(found.ahead, moment).adds(any(cause.evenly for cause in some)):
+        evenly, twice = (any(map(asks, (cause.effect for cause in some))) for asks in (helps_evenly, passes_twice))
+        if before.ahead.against(found.ahead, moment).adds(evenly, twice):
             return extended, found, some
         say(f"{title} does not help on later data")
     return None
@@ -199,7 +201,7 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect
         assert found.ahead is not None and diagnoses[0].ahead is not None
         start = diagnoses[0].ahead
         later, first = found.ahead.later_rms(moment), start.later_rms(moment)
-        falls = start.against(found.ahead, moment).each
+        falls = start.against(found.ahead, moment).short.each
         rows.append(
             {
                 "step": number,

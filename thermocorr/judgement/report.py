@@ -35,6 +35,7 @@ from .levels import (
     GAUSSIAN,
     HARMONICS,
     LEVEL,
+    LONGEST_MEAN,
     MOMENTS,
     NINE_TENTHS,
     OF_THERMOMETER,
@@ -43,7 +44,6 @@ from .levels import (
     SEVERAL,
     TAILS,
     TO_A_DECADE,
-    WANDERS,
 )
 from .scan import DATED, products_from
 from .score import Comparison, solved
@@ -72,6 +72,8 @@ class Left:
     """Standard deviation of one sample that nothing foresees, in the unit of y."""
     wandering: float
     """Standard deviation of the part that wanders, in the unit of y."""
+    matters_from: int
+    """Readings in the shortest mean in which that is larger than white noise; 0 where nothing wanders."""
     correlation_time: float
     """For how long that part remembers [s]; 0 where nothing wanders."""
     colour: float
@@ -138,7 +140,9 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
-    wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and wandering > WANDERS * floor)
+    longest = float(np.bincount(judged.bands.segment).max()) / LONGEST_MEAN
+    matters_from = _matters_from(theta, judged.bands.times, counts, longest)
+    wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and matters_from)
     memory = float(np.average(times, weights=theta[1:])) if wanders else 0.0
     longest = FILTER_LENGTH[int(theta[0] > FILTER_WHITE * theta.sum())] * pool.record.usual_step()
     filtered = memory if memory <= longest and _is_gaussian(judged) else 0.0
@@ -156,6 +160,7 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
         filtered=filtered,
         floor=floor,
         wandering=wandering if structured else 0.0,
+        matters_from=matters_from if structured else 0,
         correlation_time=float(np.exp(np.average(np.log(times), weights=theta[1:]))) if structured else 0.0,
         colour=total / innovation,
         copied=tuple(copied),
@@ -170,6 +175,19 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
         and smallest_drift > max(DRIFT_TO_STEP * smallest_step, DRIFT_TO_NOISE * floor),
         spectrum=_spectrum(pool, judged),
     )
+
+
+def _matters_from(theta: np.ndarray, times: np.ndarray, counts: float, longest: float) -> int:
+    """Readings in the shortest mean in which the wandering noise is larger than the white one; 0 for none.
+
+    `theta` (array): Variances of the parts of a row's noise, white first. `times` (array): Correlation times of the
+    others [rows]. `counts` (float): Readings in a row. `longest` (float): Mean that is looked at [rows].
+    """
+    rows = np.geomspace(1 / counts, max(longest, 1.0), 200)
+    x = np.maximum(rows[:, None] / times, 1e-3)
+    wandering = 2 * (x + np.expm1(-x)) / x**2 @ theta[1:]  # variance of a mean of first-order Markov noise
+    larger = np.flatnonzero(wandering >= theta[0] / rows)
+    return int(np.ceil(rows[larger[0]] * counts - 1e-9)) if len(larger) else 0
 
 
 def _is_gaussian(judged: Comparison) -> bool:
@@ -284,14 +302,15 @@ def _period(wave: FoundSuspect) -> float:
 
 def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
     """The causes with some of them as one, in the place of the first."""
-    fall = sum(cause.later_db for cause in own)  # each was judged given those before it
+    falls = [cause.before**2 - cause.after**2 for cause in own]  # each given the others
+    size = float(np.sqrt(sum(cause.size**2 for cause in own)))
     together = replace(
         one,
-        standing="proven",
-        before=float(own[-1].after * 10 ** (fall / 20)),
-        share=min(sum(cause.share for cause in own), 1.0),
+        before=float(np.sqrt(max(one.after**2 + sum(falls), 0.0))),
         gain_db=sum(cause.gain_db for cause in own),
-        later_db=fall,
+        later_db=sum(cause.later_db for cause in own),
+        size=size,
+        matters_from=min(cause.matters_from for cause in own),
         p_value=max(cause.p_value for cause in own),
         when=tuple(sorted(interval for cause in own for interval in cause.when)),
     )
@@ -373,27 +392,32 @@ class FoundSuspect:
     effect: Effect
     """The effect, ready for ``model.with_effect``."""
     standing: str
-    """ "proven": the likelihood of the record leaves no doubt; "helps": it lowers the error on data that it was not
-    learned from, and its cause is not proven; "": tried, and not named."""
-    share: float
-    """Share of the squared error on later data that it takes away."""
+    """ "confirmed": proven by the likelihood of the record, and it lowers the error of averages that were not learned
+    from; "helps": it lowers that error much, and the likelihood does not prove it; "proven": by the likelihood alone;
+    "": tried, and not named."""
     gain_db: float
-    """Mean fall of the squared error on blocks of time that are held out [dB]."""
+    """Mean fall of the squared error of averages on blocks of time that are held out [dB]."""
     later_db: float
-    """Mean fall of the squared error on later stretches, each predicted from all before it [dB]; NaN for a jump at the
-    end."""
+    """The same on later stretches, each predicted from all before it [dB]; NaN for a jump at the end."""
     p_value: float
     """P-value, corrected for the number of candidates tried."""
     confusable_with: tuple[Effect, ...] = ()
     """Effects that this record cannot tell it apart from."""
     before: float = np.nan
-    """Rms error on later stretches of the model with the other causes, and without this one, in the unit of y."""
+    """Rms error of readings on later stretches, of the model with the other causes and without this one [unit of y]."""
+    after: float = np.nan
+    """The same with this one."""
     each: tuple[float, ...] = ()
     """Fall of the squared error on each later stretch [dB]."""
+    size: float = np.nan
+    """Rms of what it explains of the reading that the model and the other causes do not, in the unit of y; NaN for one
+    that is not named."""
+    matters_from: int = 0
+    """Readings in a mean whose noise is as small as `size`."""
+    lag_below: float = 0.0
+    """Largest lag that the record leaves possible for an effect at once [s]; 0 where it says nothing."""
     moment: float | None = None
     """Share of the record before the last moment at which it begins or ends; None for kinds without one."""
-    evenly: bool = False
-    """True if it must help evenly: a product, or what has memory."""
     in_model: bool = False
     """True if this record cannot tell it apart from slow lags that the model has: a slow body."""
     when: tuple[tuple[Any, Any], ...] = ()
@@ -408,9 +432,10 @@ class FoundSuspect:
         return effect_text(self.effect)
 
     @property
-    def after(self) -> float:
-        """`before`, and with it."""
-        return float(self.before * 10 ** (-self.later_db / 20))
+    def share(self) -> float:
+        """Share of the squared error of later averages that it takes away; of held-out ones where none are later."""
+        fall = self.gain_db if np.isnan(self.later_db) else self.later_db
+        return float(max(1 - 10 ** (-fall / 10), 0.0))
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)

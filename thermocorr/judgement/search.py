@@ -20,8 +20,9 @@ import pandas as pd
 from scipy.special import chdtrc
 from sklearn.base import clone
 
-from ..effects import Delay, Periodic
+from ..effects import Covariate, Delay, Interaction, LaggedCovariate, LaggedModulation, Periodic
 from ..effects.protocol import Effect
+from ..effects.thermal import seconds_array
 from ..estimators.averages import averaged_copies, key_of
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..estimators.surrogates import moved
@@ -34,6 +35,7 @@ from .levels import (
     FRUITLESS,
     HELPFUL,
     INFLATION,
+    LAG_POSSIBLE,
     LEVEL,
     LOOKS,
     NEARLY,
@@ -252,6 +254,12 @@ class Term:
     tried: Tried
     """Beside all other terms."""
     alike: tuple[Tried, ...]
+    lag_below: float = 0.0
+    """Largest lag that the record leaves possible for an effect at once [s]; 0 where it says nothing."""
+
+
+LATE_FORM = {Covariate.kind: LaggedCovariate.kind, Interaction.kind: LaggedModulation.kind}
+"""Effects at once, and their late forms: with no lag these are the same, so no record excludes them."""
 
 
 class Search:
@@ -392,8 +400,8 @@ class Search:
             proven = [t for t in self.last if t.proven]
             worths = self._worth(held, [t.number for t in proven])
             helping = [t for t in proven if worths[t.number].adds()]
-            least = NEARLY * max((worths[t.number].later for t in helping), default=0.0)
-            best = next((t for t in helping if worths[t.number].later >= least), proven[0] if proven else None)
+            least = NEARLY * max((worths[t.number].rank for t in helping), default=0.0)
+            best = next((t for t in helping if worths[t.number].rank >= least), proven[0] if proven else None)
             if proven and proven[0].explanation.in_model:
                 best = proven[0]  # what the model has already comes first where it is likeliest
             if best is None or best.key[1] is None or best.key in self.copies:
@@ -475,11 +483,31 @@ class Search:
             me = self._weighed(beside, [number])[0]
             rivals = [t for t in tried if t.key != me.key and t.as_likely(me)]
             alike = [t for t in rivals if beside.overlap(number, t.number) > ALIKE]
+            at_once = next((t for t in alike if LATE_FORM.get(t.key[0]) == me.key[0] and t.key[1] == me.key[1]), None)
+            if at_once is not None:
+                alike, me = [t for t in alike if t is not at_once], at_once
+            late = LATE_FORM.get(str(me.key[0])), me.key[1]
+            alike = [t for t in alike if t.key != late]
             found.append(
-                Term(tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]), alike=tuple(alike))
+                Term(
+                    tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]),
+                    alike=tuple(alike),
+                    lag_below=self._lag_below(beside, me, late) if late[0] else 0.0,
+                )
             )
         self.family.judged = self.judged
         return found
+
+    def _lag_below(self, beside: Comparison, me: Tried, late: tuple[str | None, Any]) -> float:
+        """Least lag of the grid from which the late form of an effect explains less than the record allows [s]."""
+        gains = beside.screen(beside.refit([me.number])[0].theta)
+        taus = {
+            float(tau[0]): float(gains[i])
+            for i, each in enumerate(self.family.tried)
+            if each.key == late and beside.width(i) and len(tau := _lags(each.effect)) == 1
+        }
+        possible = [tau for tau, gain in taus.items() if gain > gains[me.number] - LAG_POSSIBLE]
+        return float(min((tau for tau in taus if tau > max(possible, default=0.0)), default=0.0))
 
     def coarse(self, tried: Tried) -> np.ndarray:
         """Columns of an explanation, as data not learned from are judged on."""
@@ -490,6 +518,11 @@ class Search:
         """True if what is left is no more than the rounding of the reading, which follows all that the reading does."""
         left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
         return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
+
+
+def _lags(effect: Any) -> np.ndarray:
+    """Time constants of a late form [s]."""
+    return seconds_array(effect.time_constants if hasattr(effect, "time_constants") else [effect.time_constant])
 
 
 # ---- the moves ------------------------------------------------------------------------------------------------------

@@ -17,7 +17,16 @@ import pandas as pd
 from scipy.sparse import block_diag
 from sklearn.base import clone
 
-from ..effects import Disturbance, InitialTransient, SeveralSteps, StaticPolynomial, Step, ThermalLag
+from ..effects import (
+    Disturbance,
+    Hysteresis,
+    InitialTransient,
+    Periodic,
+    SeveralSteps,
+    StaticPolynomial,
+    Step,
+    ThermalLag,
+)
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..equations import decays
@@ -288,6 +297,16 @@ class Explanation:
         return self.key, str(sorted((k, v) for k, v in given.items() if k not in tuned))
 
 
+def helps_evenly(effect: Effect) -> bool:
+    """True if an effect must help evenly: a product, or what has memory."""
+    return effect.is_product or isinstance(effect, Hysteresis)
+
+
+def passes_twice(effect: Effect) -> bool:
+    """True if later stretches alone do not confirm an effect: it has a date, memory or a period."""
+    return isinstance(effect, Step | SeveralSteps | Disturbance | Hysteresis | Periodic)
+
+
 def of_first_rows(effect: Effect, step: float) -> bool:
     """True if a start is over so soon, with so long a step [s], that it could be a large first reading."""
     return isinstance(effect, InitialTransient) and _times(effect).min(initial=np.inf) < SHORTEST_START * step
@@ -430,6 +449,16 @@ class Pool:
         white = float(np.mean(np.diff(left) ** 2)) / 2  # of which the averages of several readings hide the rest
         hidden += white * (float(np.median(self.data.counts)) - 1)
         return OutOfSample(self.coarse(self.reading[:, None])[:, 0], self.coarse(self.own), max(hidden, 0.0))
+
+    def size(self, columns: np.ndarray, others: Sequence[np.ndarray]) -> float:
+        """Rms of what columns, shape (n, k), explain of the reading that the model and others do not, in its unit."""
+        Q = orthonormal(np.column_stack((self.own, *others)))
+        own = orthonormal(columns - Q @ (Q.T @ columns))
+        left = self.reading - Q @ (Q.T @ self.reading)
+        found = own.T @ left
+        rest = left - own @ found
+        by_chance = own.shape[1] * float(rest @ rest) / max(len(rest) - Q.shape[1] - own.shape[1], 1)
+        return float(np.sqrt(max(float(found @ found) - by_chance, 0.0) / len(left)))
 
     def moment(self, effect: Effect) -> float | None:
         """Share of the rows before the last moment at which an effect begins or ends; None for one without."""
