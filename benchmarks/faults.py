@@ -69,6 +69,25 @@ def faults(values: np.ndarray, at: int, scale: float, rng: np.random.Generator) 
         yield f"jump of {rows} rows", changed(rows, values[at : at + rows] + sign * 1.5 * scale)
     yield "far jump of 12 rows", changed(12, values[at : at + 12] + sign * 20 * scale)
     yield "other unit, 20 rows", changed(20, 1.8 * values[at : at + 20] + 32)
+    for rows in (25, 28, 29, 30, 31, 35, 45):
+        yield f"far jump of {rows} rows", changed(rows, values[at : at + rows] + sign * 20 * scale)
+    for missing in (1, 20, 31, 45):  # the fault begins before a hole, and its last row stands in or behind it
+        held = changed(2, values[at] + sign * 20 * scale)
+        held[at + 2 : at + 2 + missing] = np.nan
+        yield f"two rows, then {missing} missing", held
+        held = held.copy()
+        held[at + 2 + missing] = values[at] + sign * 20 * scale
+        yield f"two rows, {missing} missing, one row", held
+    toggles = values.copy()
+    toggles[at : at + 40 : 2] += sign * 20 * scale
+    yield "every second row of 40", toggles
+    pairs = values.copy()
+    for k in range(0, 40, 4):
+        pairs[at + k : at + k + 2] += sign * 20 * scale
+    yield "pairs in 40 rows", pairs
+    first = values.copy()
+    first[0] += sign * 20 * scale
+    yield "first row", first
     yield "missing, 8 rows", changed(8, np.nan)
     yield "missing, 30 rows", changed(30, np.nan)
     yield "stuck", changed(100, values[at])

@@ -246,7 +246,7 @@ class _Stretches:
 
     def errors(self, columns: np.ndarray) -> np.ndarray:
         """Errors of a law, shape (stretches,)."""
-        return self.with_columns(columns).errors(self.moment)
+        return self.with_columns(columns).errors(self.moment)[:, 0] + self.hidden
 
     def of_latest(self) -> np.ndarray:
         """Errors of the mean of the last readings before each stretch."""
@@ -261,10 +261,10 @@ class _Stretches:
     def least(self, static: np.ndarray, lags: np.ndarray) -> float:
         """Least error of static laws, and of these with lags that are added one after the other."""
         law = self.with_columns(static)
-        least = min(geometric_mean(self.errors(static[:, :1])), geometric_mean(law.errors()))
+        least = min(geometric_mean(self.errors(static[:, :1])), geometric_mean(law.errors()[:, 0]))
         for _ in range(TOGETHER):
             law = law.with_columns(lags[:, [law.most_helpful(lags)]])
-            least = min(least, geometric_mean(law.errors()))
+            least = min(least, geometric_mean(law.errors()[:, 0]))
         return least
 
 

@@ -22,6 +22,8 @@ PIECES = 80
 """Pieces of equal numbers of rows that the record is cut into."""
 FIRST, AHEAD = 32, 8
 """Pieces that the first forecast is learned from, and pieces that each predicts: six stretches of the later part."""
+FEWEST_STRETCHES = 3
+"""Later stretches below which nothing is confirmed."""
 BLOCK = 16
 """Pieces of each of the five blocks that are held out."""
 RIDGE = 1e-6
@@ -39,17 +41,15 @@ BLOCKS = tuple(
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
     """Pieces to learn from, and later pieces to be predicted.
 
-    Behind a `moment` (share of the rows), a quarter of what is left tells the level.
+    Behind a `moment` (share of the rows), a quarter of what is left tells the level, and stretches are so short that
+    there are `FEWEST_STRETCHES` of them, if as many pieces are left.
     """
-    first = FIRST
+    first, ahead = FIRST, AHEAD
     if moment is not None:
         begins = int(np.ceil(moment * PIECES))
         first = begins + max(1, (PIECES - begins) // 4)
-    return [(range(stop), range(stop, min(stop + AHEAD, PIECES))) for stop in range(first, PIECES, AHEAD)]
-
-
-FEWEST_STRETCHES = 3
-"""Later stretches below which nothing is confirmed."""
+        ahead = max(1, min(AHEAD, (PIECES - first) // FEWEST_STRETCHES))
+    return [(range(stop), range(stop, min(stop + ahead, PIECES))) for stop in range(first, PIECES, ahead)]
 
 
 class Falls(NamedTuple):

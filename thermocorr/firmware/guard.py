@@ -47,6 +47,7 @@ _KEPT = {
     "doubt": "1 where it is doubted",
     "level": "the last value before a doubt",
     "age": "usual steps since then",
+    "away_for": "the same with pauses left out",
     "stands": "0 where the courses agree, 1 where it is doubted, 2 where it was believed again",
 }
 _STEP, _HELD, _JUMPED, _DOUBTED = map(Variable, ("steps", "held", "jumped", "doubted"))
@@ -148,12 +149,15 @@ class Guard:
             Variable("jumps"), Bracketed(Choice(k["age"] > one, c["move"] * k["age"], c["move"])), c["move"]
         )
         back = Call("is_within", (value - k["level"], near_it))
+        counted = Choice(k["passed"] > one, one, k["passed"])
+        ended: list[Statement] = [Assign(k["doubt"], none), Assign(k["stands"], Number(BELIEVED_AGAIN))]
+        inside = Call("is_within", (value + value - c["low"] - c["high"], c["high"] - c["low"]))
+        believed = If(Unary("not", Variable("jumps")), [If(k["away_for"] > Number(BELIEVED), [If(inside, ended)])])
         believe: list[Statement] = [
             If(
                 binary(k["doubt"], "!=", none),
-                [If(k["age"] > Number(BELIEVED),
-                    [Assign(k["doubt"], none), Assign(k["stands"], Number(BELIEVED_AGAIN))],
-                    If(back, [Assign(k["doubt"], none)]))],
+                [Assign(k["away_for"], Choice(Variable("first_value"), none, Bracketed(counted)), "+"),
+                 If(back, [Assign(k["doubt"], none)], believed)],
             ),
             If(binary(value, "!=", k["last"]), [Assign(k["rest"], none)]),
             Assign(k["last"], value), Assign(k["known"], one), Assign(k["passed"], none), Assign(k["odd"], none),
@@ -162,17 +166,20 @@ class Guard:
         hold: list[Statement] = [
             Assign(k["odd"], away), Assign(value, last),
             Assign(_HELD, one), Assign(_JUMPED, one), *doubted,
-            Assign(other, Choice(away > none, last + c["farthest"], last - c["farthest"])),
+            Assign(other, Choice(away > none, Choice(Variable("first_value"), c["low"], last + c["farthest"]),
+                                 Choice(Variable("first_value"), c["high"], last - c["farthest"]))),
         ]  # fmt: skip
         doubt: list[Statement] = [
-            Assign(k["doubt"], one), Assign(k["level"], last),
+            Assign(k["doubt"], one), Assign(k["level"], last), Assign(k["away_for"], none),
             Assign(k["age"], Choice(Variable("first_value"), none, k["passed"])),
         ]  # fmt: skip
         far = Variable("far")
         lost: list[Statement] = [
             Local("wandered", c["farthest"] * k["passed"]),
             Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
-            Assign(other, k["last"] + Choice(k["last"] + k["last"] > c["low"] + c["high"], far, -far)),
+            Local("kept", Choice(binary(k["doubt"], "!=", none), k["level"], k["last"])),
+            Assign(other, Variable("kept")
+                   + Choice(Variable("kept") + Variable("kept") > c["low"] + c["high"], far, -far)),
             *doubted,
         ]
         judged: list[Statement] = [

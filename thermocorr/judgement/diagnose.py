@@ -366,7 +366,7 @@ def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], noise
         each=falls.each,
         moment=cause.moment,
         size=cause.size,
-        matters_from=max(1, int(np.ceil(min((noise / max(cause.size, 1e-300)) ** 2, 1e9)))),
+        matters_from=max(1, int(np.ceil(min(noise / max(cause.size, 1e-9 * noise, 1e-300), 1e6) ** 2))),
         lag_below=term.lag_below,
         in_model=any(t.explanation.in_model for t in term.alike),
         when=when,

@@ -503,7 +503,7 @@ class Search:
         gains = beside.screen(beside.refit([me.number])[0].theta)
         taus = {
             float(tau[0]): float(gains[i])
-            for i, each in enumerate(self.family.tried)
+            for i, each in enumerate(self.family.tried[: len(gains)])
             if each.key == late and beside.width(i) and len(tau := _lags(each.effect)) == 1
         }
         possible = [tau for tau, gain in taus.items() if gain > gains[me.number] - LAG_POSSIBLE]

@@ -4,8 +4,8 @@ No input moves faster than in the fitted record by more than a margin. A value t
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
 believed, and doubted. The model then goes on with it, and a second time with the last value from before (its `twin`):
 the doubtful values may have added the difference to the bias, now or in what the device remembers of them. A
-doubt ends when the input is back, by a jump or all the way, or after `BELIEVED` steps away: then the room has really
-moved. An input that stands still to the last digit for much longer than it ever did is doubted too, but for the ends of
+doubt ends when the input is back, by a jump or all the way, or after `BELIEVED` steps away in the fitted range, pauses
+not counted and the last one without a jump: then the room has really moved. An input that stands still to the last digit for much longer than it ever did is doubted too, but for the ends of
 its range.
 
 A value is judged by those before it alone, so that a stream, a block and a whole record say the same.
@@ -162,29 +162,28 @@ class Gate:
     """
 
     __slots__ = (
-        "_move", "_rest", "_step", "_until", "at", "began", "calm", "last", "level", "max_gap", "motion", "odd", "seen",
+        "_move", "_rest", "_step", "at", "away_for", "began", "calm", "last", "level", "max_gap", "motion", "odd", "seen",
         "since",
     )  # fmt: skip
 
     def __init__(self, motion: Motion, max_gap: float):
         self.motion, self.max_gap = motion, max_gap
         self._move, self._step, self._rest = motion.move, motion.step, motion.longest_rest
-        self._until = BELIEVED * motion.step
         self.put(EMPTY)
 
     def put(self, state: tuple[float, ...]) -> None:
         """Go on where `state` was taken; `EMPTY` before the first value."""
-        self.last, self.at, self.seen, self.odd, self.level, self.began, self.since = state
+        self.last, self.at, self.seen, self.odd, self.level, self.began, self.away_for, self.since = state
         self.calm = self.odd == 0.0 and self.level != self.level  # nothing is held back or doubted
 
     def state(self) -> tuple[float, ...]:
         """All that is remembered.
 
         The last value that was believed, its time and that of the last row [s], how far a value that is held back lies
-        away (0 for none), the last value before a doubt and its time [s], since when the input stands still [s].
+    
         """
         seen = self.at if self.calm else self.seen
-        return self.last, self.at, seen, self.odd, self.level, self.began, self.since
+        return self.last, self.at, seen, self.odd, self.level, self.began, self.away_for, self.since
 
     def one(self, value: float, time: float) -> Judged | None:
         """Judge one row; None where its value is believed, and was before."""
@@ -200,26 +199,29 @@ class Gate:
         if passed <= self.max_gap:
             reach = self._move * (passed / self._step if passed > self._step else 1.0)
             last, before = self.last, self.at
+            other = last + math.copysign(self.motion.farthest, away)
         else:  # a first value: near the fitted range, or held back too
             low, high = self.motion.low, self.motion.high
             last, before, reach = min(max(value, low), high), time, max(high - low, self._move)
-            self.level, self.since, away = NAN, time, value - last
+            self.level, self.since, away, passed = NAN, time, value - last, 0.0
+            other = low if away > 0 else high  # it may be anywhere
             if not time - seen <= self.max_gap:
                 self.odd = 0.0
         self.seen, jumps = time, away > reach or -away > reach
         if jumps:
             if self.level != self.level and not away * self.odd > 0.0:
                 self.odd, self.calm = away, False
-                return Judged(last, last + math.copysign(self.motion.farthest, away), True, False)
+                return Judged(last, other, True, False)
             if self.level != self.level:
-                self.level, self.began = last, before
+                self.level, self.began, self.away_for = last, before, 0.0
         believed = False
         if self.level == self.level:
-            passed, far = time - self.began, abs(value - self.level)
-            if passed > self._until:
-                self.level, believed = NAN, True
-            elif far <= self._move or (jumps and far <= self._move * passed / self._step):
+            self.away_for += min(passed / self._step, 1.0)  # a pause says nothing
+            far, inside = abs(value - self.level), self.motion.low <= value <= self.motion.high
+            if far <= self._move or (jumps and far <= self._move * (time - self.began) / self._step):
                 self.level = NAN  # it is back
+            elif self.away_for > BELIEVED and inside and not jumps:
+                self.level, believed = NAN, True
         if value != self.last:
             self.since = time
         self.last, self.at, self.odd, self.calm = value, time, 0.0, self.level != self.level
@@ -241,7 +243,7 @@ class Gate:
         """`one` of consecutive rows at `times` [s]; None where there is nothing to say."""
         n, moves = len(values), np.diff(values, prepend=self.last)
         if self.calm and self.max_gap == np.inf and moves.max() <= self._move >= -moves.min() and moves.all():
-            self.put((float(values[-1]), float(times[-1]), NAN, 0.0, NAN, NAN, float(times[-1])))
+            self.put((float(values[-1]), float(times[-1]), NAN, 0.0, NAN, NAN, 0.0, float(times[-1])))
             return None
         steps = np.diff(times, prepend=self.at)
         far = ~(np.abs(moves) <= self._move * np.maximum(steps / self._step, 1.0)) | (steps > self.max_gap)
@@ -270,10 +272,10 @@ class Gate:
     def _put(self, values: Floats, times: Floats, stood: Floats, k: int) -> None:
         """Go on as after row `k`, where nothing is held back or doubted."""
         time = float(times[k])
-        self.put((float(values[k]), time, time, 0.0, NAN, NAN, float(stood[k])))
+        self.put((float(values[k]), time, time, 0.0, NAN, NAN, 0.0, float(stood[k])))
 
 
-EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, NAN)
+EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, 0.0, NAN)
 """What a `Gate` remembers before the first value."""
 
 
