@@ -196,18 +196,12 @@ def test_what_was_stepped_stays_in_the_corrected_reading(log, tmp_path, marked):
     assert corrected[700:].mean() - corrected[:700].mean() == pytest.approx(30.0, abs=0.5)
 
 
-def test_runs_may_have_one_level(log, tmp_path):
+def test_runs_have_levels_of_their_own(log, tmp_path):
     frame = pd.read_csv(log)
     run = np.where(np.arange(1500) < 700, "a", "b")
     path = changed(log, reading=frame["reading"] + 30.0 * (run == "b"), run=run)
-    std = {}
-    for offset in ("each", "same"):
-        out = tmp_path / offset
-        assert (
-            analyze(path, "--run", "run", "--run-offset", offset, "--variant", "dynamic-linear", "--out", str(out)) == 0
-        )
-        std[offset] = pd.read_csv(out / "corrected.csv")["residual"].std()
-    assert std["each"] < 1.0 < 3.0 < std["same"]
+    assert analyze(path, "--run", "run", "--variant", "dynamic-linear", "--out", str(tmp_path / "out")) == 0
+    assert pd.read_csv(tmp_path / "out" / "corrected.csv")["residual"].std() < 1.0
 
 
 @pytest.mark.parametrize(

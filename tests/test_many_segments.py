@@ -5,7 +5,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
-from thermocorr.effects import InitialTransient, StaticPolynomial, ThermalLag
+from thermocorr.effects import InitialTransient, SeveralSteps, StaticPolynomial, ThermalLag
 from thermocorr.effects.stream import equal_edges, own_starts, walk
 from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
@@ -58,7 +58,8 @@ def test_rows_that_touch_few_of_many_columns_are_swept_as_any():
 def test_a_fit_to_many_runs_is_plain_least_squares(n_runs):
     X, y = in_runs(n_runs)
     model = DynamicBiasRegressor("temperature", TAUS, degree=2, run="run").fit(X, y)
-    effects = [StaticPolynomial(2), ThermalLag(TAUS), InitialTransient(TAUS, model.features_.decay_share)]
+    levels = [SeveralSteps(list(model._run_levels.times))]
+    effects = [StaticPolynomial(2), ThermalLag(TAUS), InitialTransient(TAUS, model.features_.decay_share), *levels]
     record = learned(X, y, effects)
     rows = np.column_stack([np.ones(len(y)), matrix(record, effects)])
     solution = np.linalg.lstsq(rows, y.to_numpy(), rcond=None)[0]

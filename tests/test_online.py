@@ -157,7 +157,7 @@ def test_gaps_in_a_block_are_told_from_false_dates_as_one_by_one(late, max_gap):
     expected, doubt = pd.DataFrame(samples), single.state()["doubt"]
     for cuts in ([], [1], [41, 42, 300]):
         live, edges = OnlineCorrector(model, uncertainty=True, average=5), [0, *cuts, len(X)]
-        got = pd.concat([live.update_many(X[low:high], y[low:high]) for low, high in itertools.pairwise(edges)])
+        got = pd.concat([live.update_many(X[low:high], y[low:high].to_numpy()) for low, high in itertools.pairwise(edges)])
         assert got["flag"].tolist() == [sample.flag for sample in samples]
         for column in ("corrected", "bias", "smoothed", "u"):
             np.testing.assert_allclose(got[column], expected[column], rtol=1e-11)
@@ -284,7 +284,7 @@ def test_parquet_logs_and_transformers_live(default, tmp_path):
     agree(model, X[600:], y[600:], got["corrected"], got["flag"])
     single = one_by_one(OnlineCorrector(model), X[600:], y[600:])
     agree(model, X[600:], y[600:], [s.corrected for s in single], [s.flag for s in single])
-    with pytest.raises(RecordError, match=r"X has 100 rows and y has the shape \(99,\)"):
+    with pytest.raises(RecordError, match=r"X has 100 rows and y has 99"):
         OnlineCorrector(model).update_many(X[600:], y[601:])
 
 

@@ -1,5 +1,7 @@
 """Runs at different levels: each has its U0, the rest of the model is that of one level, and nothing else changes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,7 +19,10 @@ from thermocorr import (
 )
 from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate
+from thermocorr.effects import CATALOGUE, Covariate, Step
+from thermocorr.estimators.averages import rms
+from thermocorr.judgement.data import record_of
+from thermocorr.judgement.refine import with_missing
 
 NOISE = 0.2
 TIMES = ["5 min", "90 min"]
@@ -39,10 +44,9 @@ def fitted(X, y, **options):
 @pytest.mark.parametrize("apart", [-4000.0, 50.0, 4e6])
 @pytest.mark.parametrize("seed", [3, 40])
 def test_each_run_is_corrected_to_its_own_level(apart, seed):
+    """The readings of the second run by so much higher: all else is as before."""
     X, y = two_runs(seed=seed)
-    at_one = fitted(X, y, run_offset="same")
-    with pytest.warns(RecordWarning, match="2 runs are at different levels.*run_offset='same'"):
-        apart_model = DynamicBiasRegressor("temperature", TIMES, run="run").fit(X, two_runs(apart, seed)[1])
+    at_one, apart_model = fitted(X, y), fitted(X, two_runs(apart, seed)[1])
     levels = apart_model.correct(X, two_runs(apart, seed)[1]).groupby(X["run"]).mean()
     assert abs(levels["b"] - levels["a"] - apart) < 0.1  # the two fields at the starts differ
     assert apart_model.residual_std_ < 1.02 * at_one.residual_std_
@@ -52,34 +56,51 @@ def test_each_run_is_corrected_to_its_own_level(apart, seed):
     )
 
 
-def test_where_levels_are_alike_nothing_changes():
+def test_levels_belong_to_every_model_with_one_effect_more():
+    """A step beside them once made all runs share one level, and the fit worse than without it."""
     X, y = two_runs(apart=0.5)
-    for option in ("auto", "same"):
-        model = fitted(X, y, run_offset=option)
-        assert model._run_levels.times == () and not any("step" in n for n in model.features_.get_feature_names_out())
-    assert fitted(X, y, run_offset="each").contributions(X)["several steps: 1"].iloc[-1] == pytest.approx(0.5, abs=0.1)
+    model = fitted(X, y)
+    longer = with_missing(model, Step(float(60 * 1500))).fit(X, y)
+    assert longer._run_levels.times == model._run_levels.times and len(model._run_levels.times) == 1
+    assert longer.residual_std_ <= 1.001 * model.residual_std_
+    assert model.contributions(X)["several steps: 1"].iloc[-1] == pytest.approx(0.5, abs=0.1)
 
 
-def test_runs_at_set_points_tell_the_static_law_together():
-    """One temperature for each run: the difference of their levels is what the model is to learn."""
+@pytest.mark.parametrize("kind", [kind for kind in CATALOGUE if kind not in ("lead", "events")])
+def test_an_effect_more_never_raises_the_error_in_sample(kind):
+    """Of every kind, in runs at levels of their own: a nested model fits no worse."""
+    X, y = two_runs(apart=30.0, rows=1500)
+    X = X.assign(humidity=45 + np.cumsum(np.random.default_rng(1).normal(0, 0.2, len(X))))
+    model = fitted(X, y)
+    record = record_of(model, X, y)
+    record = replace(record, columns={**record.columns, "humidity": X["humidity"].to_numpy()})
+    before = rms(model.residuals(X, y))
+    for effect in CATALOGUE[kind].candidates(record, ["humidity"])[::7]:
+        try:
+            longer = with_missing(model, effect).set_params(alpha=model.alpha_).fit(X, y)
+        except RecordError:  # too many columns for so few rows
+            continue
+        assert rms(longer.residuals(X, y)) <= before * (1 + 1e-6), effect
+
+
+def test_runs_at_set_points_say_that_no_law_is_learned():
+    """One temperature for each run: what differs between them is their levels."""
     rng = np.random.default_rng(0)
     T = np.repeat([18.0, 23.0, 28.0], 400) + 0.01 * rng.normal(size=1200)
     X = pd.DataFrame(
         {"temperature": T, "run": np.repeat([1, 2, 3], 400)}, index=pd.RangeIndex(1200) * pd.Timedelta("1min")
     )
     y = pd.Series(100 + 5 * (T - 23) + 0.01 * rng.normal(size=1200), index=X.index)
-    model = fitted(X, y, initial_state="equilibrium")
-    assert model._run_levels.times == ()
+    with pytest.warns(RecordWarning, match="the static law is not learned.*leave out run"):
+        fitted(X, y, initial_state="equilibrium")
+    model = DynamicBiasRegressor("temperature", TIMES, initial_state="equilibrium").fit(X, y)
     assert model.correct(X, y).std() < 0.05
 
 
-def test_an_effect_from_run_to_run_is_no_level():
-    """A column that nobody gave to the model: its share of the reading differs from run to run, and it is found."""
+def test_a_missing_column_is_found_beside_the_levels():
     record = make_record(8000, seed=5, noise=NOISE, effects={"covariate": 1.0})
     X = record.drop(columns="reading").assign(run=np.arange(8000) // 1000)
-    model = fitted(X, record["reading"])
-    assert model._run_levels.times == ()
-    assert diagnose(model, X, record["reading"]).best.kind == "covariate"
+    assert diagnose(fitted(X, record["reading"]), X, record["reading"]).best.kind == "covariate"
 
 
 def test_a_level_does_not_hide_a_missing_effect():
@@ -97,7 +118,6 @@ def test_a_file_and_a_stream_know_the_levels(tmp_path):
     save_model(model, tmp_path / "m.json")
     loaded = load_model(tmp_path / "m.json")
     np.testing.assert_array_equal(loaded.predict(X), model.predict(X))
-    assert loaded.get_params()["run_offset"] == "auto"
     live = OnlineCorrector(loaded)
     shown = live.update_many(X[5000:], y[5000:])["corrected"]
     np.testing.assert_allclose(shown, model.correct(X, y)[5000:], atol=1e-9)
@@ -112,15 +132,16 @@ def test_the_table_of_variants_is_of_levels_too():
 
 def test_runs_at_once_at_different_levels_are_refused():
     X, y = two_runs(apart=300.0, pause="-1 D")
-    with pytest.raises(RecordError, match=r"Runs .a. and .b. overlap in time.*run_offset=.same."):
+    with pytest.raises(RecordError, match=r"Runs .a. and .b. overlap in time and have readings at different levels"):
         fitted(X, y)
-    assert fitted(X, y, run_offset="same")._run_levels.times == ()
+    with pytest.warns(RecordWarning, match="overlap in time: all have one level"):
+        assert fitted(*two_runs(pause="-1 D"))._run_levels.times == ()
 
 
 def test_a_run_without_readings_and_a_single_run_have_no_level():
     X, y = two_runs()
     assert fitted(X, y.where(X["run"] == "a"))._run_levels.times == ()
-    assert fitted(X[:3000], y[:3000], run_offset="each")._run_levels.times == ()
+    assert fitted(X[:3000], y[:3000])._run_levels.times == ()
 
 
 def test_a_search_of_time_constants_knows_the_levels():
@@ -136,9 +157,9 @@ def test_three_resistors_in_four_runs_keep_their_levels(measured):
     X, y = record.drop(columns="resistance_ohm"), record["resistance_ohm"]
     model = DynamicBiasRegressor("oven_temp_degC", run="run", time="time").fit(X, y)
     levels = model.correct(X, y).groupby(record["run"]).mean()
-    one = DynamicBiasRegressor("oven_temp_degC", run="run", time="time", run_offset="same").fit(X, y)
+    one = DynamicBiasRegressor("oven_temp_degC", time="time").fit(X, y)
     assert len(model._run_levels.times) == 3
-    assert model.residual_std_ < one.residual_std_ / 10
+    assert model.residual_std_ < one.residual_std_ / 3
     assert abs(levels["run9"] - levels["run10"]) < 0.004  # ohm: the same element
     assert levels["run17"] - levels["run9"] == pytest.approx(0.053, abs=0.004)
     assert levels["run15"] - levels["run9"] == pytest.approx(-0.010, abs=0.004)

@@ -25,7 +25,8 @@ def cut(setting, device, step, seed, effects=None):
 def test_a_start_is_missing_where_the_model_has_none():
     X, y = cut(*SETTINGS[0])
     model = DynamicBiasRegressor("temperature", initial_state="equilibrium").fit(X, y)
-    assert isinstance(diagnose(model, X, y).small[0].effect, InitialTransient)  # there, and of no use for later data
+    found = diagnose(model, X, y)
+    assert isinstance(found.best, InitialTransient) and found.suspects[0].matters_from > 10
 
 
 def test_readings_are_not_signed_where_a_start_may_go_on():

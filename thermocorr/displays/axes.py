@@ -556,7 +556,7 @@ class Walk:
     def uncertainties(self) -> Iterator[np.ndarray]:
         """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""
         joint = self.model._joint_errors()
-        for _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
+        for _, _, _, errors in ErrorWalk(self.model, joint, removed=False).blocks(self.record):
             yield np.sqrt(errors.of_readings(joint.noise))
 
     def _part(self, block: Block, contributions: np.ndarray) -> SegmentRows:

@@ -205,12 +205,6 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     said = []
     named = not (VERDICTS[verdict].calm or VERDICTS[verdict].unknown)
     what = "Given these causes, what" if named else "What"
-    if left.unjudged:
-        said.append(
-            f"{left.unjudged:.0%} of the readings are behind gaps or next to filled cells, and neither learned from "
-            f"nor judged: there the model leaves {scale.text(left.unjudged_rms)} rms. What it lacks may be "
-            "what makes it feel gaps for so long."
-        )
     if left.structured:
         said.append(
             f"{what} is left wanders by {scale.text(left.wandering)}, with a correlation time of about "

@@ -25,7 +25,8 @@ from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
-from .input_errors import SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .input_errors import MOST_SPOILT, SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .learned_ranges import learned_ranges
 from .prior import Law, law_of
 from .progress import one_blas_thread
 from .reading import Reading, like, no_flags
@@ -273,17 +274,18 @@ class FittedModel:
 
         "no temperature", "no reading", "sentinel" or "spike" (of an input or the reading, see `screen`), "other unit"
         (a single temperature that looks like kelvin where degC was fitted, or the other way round), "washout", "outside
-        fitted range". "jump": an input moved faster than it ever did, and the value before stands in its place until
+        fitted range": of the temperature, or of what an effect makes of its columns, by more than three
+        standard deviations of the residuals. "jump": an input moved faster than it ever did, and the value before stands in its place until
         the next row speaks for it. "filled": a cell was missing and is filled (see `fill`). "doubtful input": what was
         filled, stands still or has jumped, in this row or before, may move the bias by more than the residuals'
         standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done in gaps
         between rows moves it by as much.
         """
         reading = None if y is None else self._reading_numbers(X, y)
-        record, starts, _ = self._resumed_with_gaps(X)
+        record, starts, states = self._resumed_with_gaps(X)
         flags = no_flags(record)
-        for block in record.blocks(starts=starts, zero=self.features_.history_.zero):
-            flags[block.rows] = self._block_flags(block, None if reading is None else reading[block.rows])
+        for block, parts in self._weighed_blocks(X, record, starts, states):
+            flags[block.rows] = self._block_flags(block, None if reading is None else reading[block.rows], parts)
         return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
 
     def _reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
@@ -420,7 +422,7 @@ class FittedModel:
             return record
         limit = SPOILT * self.residual_std_
         rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
-        rows = rows[np.argsort(-error, kind="stable")[: record.n_used // 10]]  # a rule that leaves out more costs more than it saves
+        rows = rows[np.argsort(-error, kind="stable")[: int(MOST_SPOILT * record.n_used)]]
         if record.filled:
             spoilt = self._filling_error().of_record(record) > limit
             for errors in record.filled.values():
@@ -464,11 +466,18 @@ class FittedModel:
         temperature = features.history_.record.temperature_name
         yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
 
-    def _block_flags(self, block: Block, reading: np.ndarray | None) -> Flags:
-        """Flags of a block's rows, see `flags`."""
+    def _learned_ranges(self) -> np.ndarray:
+        """Range of each effect's share of the bias, see `learned_ranges`: of the fitted model, and found once."""
+        if "_known_ranges" not in self.__dict__:
+            self._known_ranges = learned_ranges(self)
+        return self._known_ranges
+
+    def _block_flags(self, block: Block, reading: np.ndarray | None, parts: np.ndarray) -> Flags:
+        """Flags of a block's rows, see `flags`; `parts` are the contributions of all effects, shape (n, n_effects)."""
         T = block.temperature
         flags = Flags(len(block))
-        outside = self.reading_.outside(T)
+        low, high = self._learned_ranges().T
+        outside = self.reading_.outside(T) | np.any((parts < low) | (parts > high), axis=1)
         for one in self.features_.filling_.stand_ins:
             outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():

@@ -13,6 +13,7 @@ from ..effects.protocol import Effect
 from ..equations import RidgeSolution
 from ..records import Record
 from .coverage import flat_columns
+from .learned_ranges import one_way
 from .prior import LawPrior, check_like
 from .reading import Reading
 from .time_constants.search import unresolved
@@ -90,6 +91,7 @@ def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPri
         mean = record.moments(record.temperature_name).mean
         return [*said, *filter(None, [check_like(prior, mean, model.residual_std_)])]
     effects, taus = model.features_.effect_list(), model.time_constants_
+    said += one_way(record, model.thermometers_)
     if model.search_ is None and len(taus):
         said += unresolved(taus, record, solution, model.degree_, model.residual_std_)
     return [*said, *flat_columns(record, effects), *cancelling(effects, solution, model.reading_)]

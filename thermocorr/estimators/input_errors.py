@@ -285,8 +285,8 @@ class Fading:
 
 Felt = tuple[np.ndarray | None, ...]
 """What the lags of each column feel of gaps, as a row of `Fading`; None where it is forgotten."""
-MANY = 0.1
-"""Share of the readings that gaps have spoilt, above which it is told beside their number."""
+MOST_SPOILT = 0.1
+"""Share of the readings that gaps may cost a fit: the others are learned from, however long the lags remember."""
 
 
 class GapError:
@@ -407,11 +407,9 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
     if not count:
         return []
-    known = record.reading_moments().n
-    share = f", {100 * count / known:.0f} % of all," if count > MANY * known else ""
     return [
         f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
-        f"{times_word(count, 'reading')} behind gaps{share} {'is' if count == 1 else 'are'} not learned from. They are "
+        f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "
         f"corrected as if it had been a straight line; {option('max_gap')} starts afresh behind longer gaps."
     ]
 

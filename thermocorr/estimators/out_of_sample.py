@@ -189,9 +189,13 @@ class OutOfSample:
     def _errors(self, folds: Sequence[tuple[Sequence[int], range]]) -> np.ndarray:
         return np.array([np.array(self.fold(*f).errors) / self.sizes[list(f[1])].sum() for f in folds]).reshape(-1, 2)
 
+    def reading_errors(self, moment: float | None = None) -> np.ndarray:
+        """Mean square error of readings on each later stretch, behind a moment, shape (stretches,)."""
+        return self.errors(moment)[:, 0] + self.unseen
+
     def later_rms(self, moment: float | None = None) -> float:
         """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN where there are none."""
-        return float(np.sqrt(geometric_mean(self.errors(moment)[:, 0] + self.unseen)))
+        return float(np.sqrt(geometric_mean(self.reading_errors(moment))))
 
     @property
     def held_out_rms(self) -> float:

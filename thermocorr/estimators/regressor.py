@@ -199,7 +199,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             reader = self._unfitted_features((), RunLevels())
             record = reader.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
-            self._run_levels = RunLevels() if self.run is None else run_levels(record)
+            self._learn_levels(record)
             self.search_ = choose(self, record, reading, say)
             believed, prior = self._learn(reader, record, reading, say)
             covered = Coverage.of(record, self.degree if prior is None else 0)
@@ -243,7 +243,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
     def _conclude(self, record: Record, believed: Record, prior: LawPrior | None) -> None:
         """Doubts about what was learned, and the names of the columns it was learned from."""
-        for of_old_fit in ("_known_standard_errors", "_known_errors", "provenance_", "_known_law"):
+        for of_old_fit in ("_known_standard_errors", "_known_errors", "_known_ranges", "provenance_", "_known_law"):
             self.__dict__.pop(of_old_fit, None)
         doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
         for text in doubts:
@@ -400,6 +400,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
         self.washout_ = 3.0 * features.memory()
 
+    def _learn_levels(self, record: Record) -> None:
+        """Give each run of a record its level: the first step of `fit`."""
+        self._run_levels = RunLevels() if self.run is None else run_levels(record)
+
     def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
         """Features with the settings of this model and the time constants given, before their fit.
 
@@ -424,7 +428,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             yield (
                 block,
                 {"corrected": measured - self._removed_part(parts), "model": model, "residual": measured - model},
-                self._block_flags(block, given),
+                self._block_flags(block, given, parts),
             )
 
     def __sklearn_tags__(self) -> Any:

@@ -49,9 +49,9 @@ class RunLevels(NamedTuple):
 
 
 def run_levels(record: Record) -> RunLevels:
-    """Levels of the runs of a record with readings, and a note where they leave no law to learn.
+    """Levels of the runs of a record with readings, and a note where they have none or leave no law to learn.
 
-    Raises RecordError where runs overlap in time: a model holds one level at a time.
+    Raises RecordError where runs overlap in time at levels that are far apart: a model holds one level at a time.
     """
     runs = [run for run in _runs(record) if run.has_readings]
     if len(runs) < 2:
@@ -61,13 +61,22 @@ def run_levels(record: Record) -> RunLevels:
     ordered = sorted(runs, key=lambda run: run.begins)
     for before, after in pairwise(ordered):
         if after.begins <= before.ends:
-            raise RecordError(
-                f"Runs {before.label!r} and {after.label!r} overlap in time, and one model holds one level at a time. "
-                "Fit a model for each run."
-            )
+            if _far_apart(record, runs):
+                raise RecordError(
+                    f"Runs {before.label!r} and {after.label!r} overlap in time and have readings at different levels: "
+                    "one model holds one level at a time. Fit a model for each run."
+                )
+            return RunLevels(note=f"Runs {before.label!r} and {after.label!r} overlap in time: all have one level (U0).")
     zero = record.first_stamp()
     between = [(before.ends + after.begins) / 2 for before, after in pairwise(ordered)]
     return RunLevels(tuple(record.times.between(moment, zero) for moment in between), _at_set_points(record, runs))
+
+
+def _far_apart(record: Record, runs: Sequence[_Run]) -> bool:
+    """True if readings lie ten times as far apart from run to run as within them."""
+    reading: Any = record.reading
+    values = [np.asarray(reading[record.kept(run.first, run.stop)], float) for run in runs]
+    return bool(np.var([np.nanmean(own) for own in values]) > 10.0**2 * np.mean([np.nanvar(own) for own in values]))
 
 
 def _at_set_points(record: Record, runs: Sequence[_Run]) -> str:

@@ -79,7 +79,7 @@ class Grounds:
     ambiguous: bool
     """True if the first cause has rivals that the record cannot tell it apart from."""
     structure: bool
-    """True if what is left is more than noise."""
+    """True if what is left is more than noise: it wanders, or an effect is proven and not confirmed."""
     spoiled: bool
     """True if invalid readings were used in the fit."""
 
@@ -112,7 +112,7 @@ MISSING = Verdict(
 )
 UNEXPLAINED = Verdict(
     word="unexplained",
-    sentence="Structure is left in the residual that no known effect explains by itself.",
+    sentence="Structure is left in the residual that no confirmed effect explains.",
     given=lambda grounds: grounds.structure or grounds.spoiled,
     in_doubt=True,
     unknown=True,

@@ -42,6 +42,7 @@ from .codec import (
 )
 from .effect_nodes import EffectCodec, check_state
 from .error_nodes import (
+    numbers_or_nan,
     pack_errors,
     pack_filling,
     pack_gaps,
@@ -208,7 +209,7 @@ def _unpack_ticks(
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "notes", "n_features_in", "feature_names_in", "log_form", "reading", "effects", "history", "filling", "errors",
+    "ranges", "notes", "n_features_in", "feature_names_in", "log_form", "reading", "effects", "history", "filling", "errors",
 )  # fmt: skip
 
 
@@ -238,6 +239,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "rank": int(ridge.rank_),
         "residual_std": float(ridge.residual_std_),
         "washout": float(model.washout_),
+        "ranges": [[value if np.isfinite(value) else None for value in row] for row in model._learned_ranges().tolist()],
         "reading": pack_reading(model.reading_),
         "notes": list(model.notes_),
         "n_features_in": int(model.n_features_in_),
@@ -378,6 +380,9 @@ def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, An
     model.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
     model.alpha_, model.search_ = ridge.alpha, None
     model.washout_ = number(node["washout"], f"{where}.washout", 0.0)
+    rows = items(node["ranges"], f"{where}.ranges", len(features.effect_list()))
+    ranges = np.array([numbers_or_nan(row, f"{where}.ranges[{i}]", 2) for i, row in enumerate(rows)], float).reshape(-1, 2)
+    model._known_ranges = np.where(np.isnan(ranges), [-np.inf, np.inf], ranges)
     model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
     notes = items(node["notes"], f"{where}.notes")
     model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))

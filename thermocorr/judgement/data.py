@@ -14,7 +14,6 @@ from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..equations.noise import made_from, shows_the_same
 from ..estimators.averages import rms, with_exact
-from ..estimators.input_errors import MANY
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Log, ParquetLog, Record, read_record
@@ -23,7 +22,7 @@ from ..records.history import Thinned, thinned
 from ..records.labels import is_state, parted_state, state, states_of
 from ..records.numbers import is_frame, numeric_reading
 from ..records.record_log import RecordLog
-from ..records.screen import LeftOut, screened
+from ..records.screen import screened
 from ..records.types import kind_of
 from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
 
@@ -92,22 +91,6 @@ def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> t
     for block, values in _blocks(model, read, judged):
         residual[block.rows] = values
     return residual, single_rms(residual, judged) if isinstance(judged, Thinned) else rms(residual)
-
-
-def beyond_judgement(model: DynamicBiasRegressor, read: Record) -> tuple[float, float]:
-    """Share of the readings that gaps or filled cells have spoilt, where it is large, and the rms that is left of them.
-
-    (0, 0) where they are few. They are neither learned from nor judged, and corrected all the same.
-    """
-    if not isinstance(read.reading, LeftOut):
-        return 0.0, 0.0
-    whole, spoilt = replace(read, reading=read.reading.column), np.zeros(read.n_rows, bool)
-    rows = read.reading.rows
-    spoilt[rows] = np.isfinite(np.asarray(read.reading.column[rows], float))
-    share = float(spoilt.sum() / max(whole.reading_moments().n, 1))
-    if share <= MANY:
-        return 0.0, 0.0
-    return share, rms(np.concatenate([values[spoilt[block.rows]] for block, values in model._residual_blocks(whole)]))
 
 
 def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:

@@ -13,7 +13,16 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from ..displays.words import effect_text
-from ..effects import CATALOGUE, Covariate, Drift, LaggedCovariate, LogAgeing
+from ..effects import (
+    CATALOGUE,
+    Covariate,
+    Drift,
+    InitialTransient,
+    LaggedCovariate,
+    LogAgeing,
+    SensitivityDrift,
+    StaticPolynomial,
+)
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
@@ -28,7 +37,6 @@ from ..records.record_log import as_data
 from .data import (
     ThermalBase,
     as_fitted,
-    beyond_judgement,
     candidates_of,
     given_effects,
     quiet_share,
@@ -38,7 +46,7 @@ from .data import (
 )
 from .levels import HELPFUL, RANKED
 from .report import Diagnosis, FoundSuspect, Interval, as_one, intervals, what_is_left
-from .scan import DATED
+from .scan import DATED, is_shown
 from .search import ANYWHERE, Search, Term, Tried
 from .terms import Pool, helps_evenly, passes_twice
 from .where import where_it_fails
@@ -236,6 +244,7 @@ def diagnose(
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
         pool = Pool(model, record, base, candidates)
+        pool.explanations = [each for each in pool.explanations if each.in_model or is_shown(pool, each.effect)]
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         search.run()
         terms = search.terms()
@@ -260,8 +269,7 @@ def _conclude(
     """Verdict, causes and other suspects, and what is left."""
     residual, rms = residuals_of(model, read, search.pool.record)
     copied = [effect_text(tried.explanation.effect) for tried in search.last if tried.copied]
-    share, apart = beyond_judgement(model, read)
-    rest = replace(what_is_left(search, residual, copied), unjudged=share, unjudged_rms=apart, start_or=start_or)
+    rest = replace(what_is_left(search, residual, copied), start_or=start_or)
     named = [*causes, *small]
     rounded = rest.rounding and not named
     floor = rms if search.pool.rows.exact or rounded else min(max(rest.floor, rest.rounding / np.sqrt(12)), rms)
@@ -271,14 +279,14 @@ def _conclude(
     if not named:  # what heavy tails add to the rms is no structure
         quiet /= max(rest.tails, 1.0)
     grades = ["confirmed"] * len(causes) + ["proven"] * len(small)
-    shown = [_cause(*each, rest.floor) for each in zip(named, grades, moments, strict=True)]
+    shown = [_cause(*each, search.pool, rest.floor) for each in zip(named, grades, moments, strict=True)]
     found, slight = (as_one(part, search.pool.record) for part in (shown[: len(causes)], shown[len(causes) :]))
     keys = {cause.term.tried.key for cause in named}
     others = {t.key: t for t in reversed(search.last) if t.key not in keys and not t.explanation.in_model}
     grounds = Grounds(
         named=bool(found),
         ambiguous=bool(found and found[0].confusable_with),
-        structure=rest.unknown,
+        structure=rest.unknown or bool(small),
         spoiled=bool(search.pool.record.refused) and not model.screen,
     )
     ranked = [*found, *slight]
@@ -349,11 +357,13 @@ def _title(effect: Effect, scales: Scales) -> str:
     return f"{effect_text(effect)}: {parameters_text(effect, scales, str)}"
 
 
-def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], noise: float) -> FoundSuspect:
+def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], pool: Pool, noise: float) -> FoundSuspect:
     """A cause as the reader sees it; `noise` is that of one reading."""
     term, falls = cause.term, cause.worth.clearest
     found = [t for t in (term.tried, *term.alike) if not t.explanation.in_model]
     alike = [clone(t.explanation.effect) for t in found if t.explanation.effect is not cause.effect]
+    if pool.runs_one_way and isinstance(cause.effect, Drift | InitialTransient | LogAgeing | SensitivityDrift):
+        alike.append(StaticPolynomial(1))
     return FoundSuspect(
         effect=clone(cause.effect),
         standing=standing if term.tried.proven else "helps",

@@ -201,7 +201,7 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect
         assert found.ahead is not None and diagnoses[0].ahead is not None
         start = diagnoses[0].ahead
         later, first = found.ahead.later_rms(moment), start.later_rms(moment)
-        falls = start.against(found.ahead, moment).short.each
+        falls = 10 * np.log10(start.reading_errors(moment) / found.ahead.reading_errors(moment))
         rows.append(
             {
                 "step": number,
@@ -211,8 +211,8 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect
                 "held_out_rms": found.ahead.held_out_rms,
                 "later_rms": later,
                 "db": reduction_db(later, first),
-                "low": -max(falls, default=np.nan),
-                "high": -min(falls, default=np.nan),
+                "low": -max(falls.tolist(), default=np.nan),
+                "high": -min(falls.tolist(), default=np.nan),
                 "verdict": found.verdict,
             }
         )

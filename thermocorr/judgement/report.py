@@ -100,11 +100,6 @@ class Left:
     """Step of the reading, in its unit, where what is left is no more than its rounding; else 0."""
     tails: float = 1.0
     """Rms of the model's residual, stretches of loud noise aside, over what nine tenths of it say of Gaussian noise."""
-    unjudged: float = 0.0
-    """Share of the readings that are behind gaps, or next to filled cells, and neither learned from nor judged; 0 where
-    they are few."""
-    unjudged_rms: float = 0.0
-    """Rms residual of these readings, in the unit of y."""
     filtered: float = 0.0
     """How long the noise of an instrument remembers that filters or averages, a few samples [s]; else 0."""
     drift_hides: bool = False

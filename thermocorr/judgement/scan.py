@@ -22,14 +22,16 @@ import pandas as pd
 from scipy import stats
 from scipy.fft import irfft, next_fast_len, rfft
 
-from ..effects import Delay, Disturbance, InitialTransient, Periodic, SensitivityStep, Step
+from ..effects import Delay, Disturbance, Hysteresis, InitialTransient, Periodic, SensitivityStep, Step
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, decaying_sums, inverse_kernel
+from ..records import seconds_of
 from .levels import (
     ALIVE,
     AROUND,
     BETWEEN,
     FAINT,
+    FEWEST_SWINGS,
     LATEST,
     LEAST_OWN,
     LEAST_RULE,
@@ -213,12 +215,17 @@ def dated(
     return found
 
 
-def lasting(pool: Pool, effect: Effect) -> bool:
-    """True if an effect lasts for as many rows as the shortest that is looked for, however it was tuned.
+def is_shown(pool: Pool, effect: Effect) -> bool:
+    """True if the record shows enough of an effect, however it was tuned.
 
     A few large readings of heavy tails that follow on one another are no disturbance, the first ones no start, and they
-    or the last ones no step. True for other kinds.
+    or the last ones no step. A wave must come back three times, and the temperature must swing by more than the width
+    of a hysteresis, see `Pool.swings`.
     """
+    if isinstance(effect, Periodic):
+        return seconds_of(effect.period, "period") <= pool.record.longest_read() / 3
+    if isinstance(effect, Hysteresis):
+        return pool.swings(effect.width) >= FEWEST_SWINGS
     if isinstance(effect, InitialTransient):
         return not of_first_rows(effect, pool.spacing)
     if isinstance(effect, Step):

@@ -46,7 +46,7 @@ from .levels import (
     TIE,
     TUNED,
 )
-from .scan import DATED, Shifts, dated, delays, filtered, lasting, tries, waves
+from .scan import DATED, Shifts, dated, delays, filtered, is_shown, tries, waves
 from .score import Comparison, Fit
 from .terms import Explanation, Key, Pool
 
@@ -537,7 +537,7 @@ def retuned(pool: Pool, beside: Comparison, explanation: Explanation, shares: Se
     most, best = beside.screen(theta)[0], explanation
     for share in shares:
         near = pool.of(best.effect.nearby(pool.record, share))
-        near = [each for each in near if lasting(pool, each.effect)]
+        near = [each for each in near if is_shown(pool, each.effect)]
         if not near:
             break
         beside.explanations = []

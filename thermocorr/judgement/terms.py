@@ -49,6 +49,7 @@ from .levels import (
     GROUPS,
     HELD,
     MOST_EMPTY,
+    ONE_WAY,
     ROBUST,
     ROUNDING,
     SHORTEST_START,
@@ -415,6 +416,21 @@ class Pool:
         static = StaticPolynomial(1)
         static.learn(self.record)
         return np.asarray(averaged_columns(self.record, [static], FINE)[0][:, 0])
+
+    def swings(self, width: float) -> int:
+        """Number of times that the temperature turns by more than a width [K]."""
+        turns, way, far = 0, 0, self.temperature[0]
+        for value in self.temperature.tolist():
+            if way * (value - far) > 0 or (way == 0 and abs(value - far) > width):
+                way, far = (way or int(np.sign(value - far))), value
+            elif way and abs(value - far) > width:
+                turns, way, far = turns + 1, -way, value
+        return turns
+
+    @cached_property
+    def runs_one_way(self) -> bool:
+        """True if the temperature makes one ramp or staircase: it never turns back by much."""
+        return self.swings(ONE_WAY * float(np.ptp(self.temperature))) == 0
 
     @cached_property
     def spacing(self) -> float:

@@ -78,6 +78,7 @@ class Stream:
         ]
         self._edges = edges
         self._level = model._removed_level
+        self._ranges = [*model._learned_ranges().tolist(), *([-math.inf, math.inf] for _ in self.effects[len(removed) :])]
         self._low, self._high = model.reading_.temperature_range
         self._unknown = model.reading_.temperature_gaps
         self._washout, self._deviation = model.washout_, model.residual_std_
@@ -200,6 +201,9 @@ class Stream:
             mask |= WASHOUT
         if not self._low <= T <= self._high or any(low < T < high for low, high in self._unknown):
             mask |= OUTSIDE
+        for first, stop, low, high in self._guarded:
+            if not low <= sum(map(mul, row[first:stop], self._weights[first:stop])) <= high:
+                mask |= OUTSIDE
         if math.hypot(doubt, error) > self._deviation:
             mask |= DOUBTFUL
         elif filled:
@@ -269,6 +273,11 @@ class Stream:
         self._steps, self._other_steps = ([each[i].step for i in active] for each in (self._steppers, self._others))
         self._weights = [weight for i in active for weight in self._coefficients[i]]
         self._active = [column for i in active for column in range(self._edges[i], self._edges[i + 1])]
+        self._guarded, at = [], 0
+        for i in active:
+            first, at = at, at + self._edges[i + 1] - self._edges[i]
+            if self._ranges[i][0] > -math.inf:
+                self._guarded.append((first, at, *self._ranges[i]))
         self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
 
     def _begin(self, stamp: Any, run: Any, values: Any) -> float:
@@ -356,7 +365,7 @@ class Stream:
             for block, parts in self.model._weighed(noted(0, record, states)):
                 into = rows[block.rows]
                 bias = self.model._removed_part(parts)
-                flags = self.model._block_flags(block, measured[block.rows])
+                flags = self.model._block_flags(block, measured[block.rows], parts)
                 flags[held[into]] = JUMP
                 doubt = np.zeros(len(bias))
                 if other_blocks is not None:

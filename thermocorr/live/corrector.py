@@ -336,7 +336,7 @@ class OnlineCorrector:
         n, stream, run = len(X), self._stream, self.model.run
         guard = UnitGuard.of(self.model)
         guard.check_readings(y, X)
-        reading = np.full(n, np.nan) if y is None else readings(y, n)
+        reading = np.full(n, np.nan) if y is None else readings(y, X)
         values = {stream.temperature: column_of(X, stream.temperature, "temperature")}
         values |= {name: column_of(X, name, "column") for name in self.columns}
         if not n:

@@ -13,7 +13,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import quoted
 from ..records.labels import check_dates, out_of_reach
-from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column
+from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column, numeric_reading
 from ..records.screen import Limits
 from ..records.segments import Flags
 from ..records.times import BEYOND
@@ -95,40 +95,30 @@ def one_number(value: Any) -> float:
         ) from None
 
 
-def _floats(values: Any) -> np.ndarray:
-    """A column as floats of its own, NaN for what is missing or infinite; TypeError or ValueError for text."""
-    array = np.array(values, float)
-    array[np.isinf(array)] = np.nan
-    return array
+def _finite(values: Any) -> Any:
+    """Floating-point numbers with NaN in the place of infinite ones; all else as it is."""
+    values = as_pandas(values)
+    if getattr(getattr(values, "dtype", None), "kind", "") != "f":
+        return values
+    infinite = np.isinf(np.asarray(values))
+    if not infinite.any():
+        return values
+    return values.mask(infinite) if isinstance(values, pd.Series) else np.where(infinite, np.nan, values)
 
 
-def _whole(column: Any) -> Any:
-    """All rows of a column; pandas' as they are, for a slice of one copies what is said about it (`attrs`)."""
-    return column if isinstance(column, pd.Series | pd.DataFrame) else column[:]
-
-
-def readings(y: Any, n: int) -> np.ndarray:
-    """Readings as floats, NaN where there is none, shape (n,)."""
-    given = _whole(as_pandas(y))
-    try:
-        values = _floats(given)
-    except (TypeError, ValueError):  # the same, or a sentence about what is wrong
-        given = given if isinstance(given, pd.Series) else np.asarray(given)
-        values = _floats(as_numbers(given, "The reading y", "reading"))
-    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
-    if values.shape != (n,):
-        raise RecordError(
-            f"X has {n} rows and y has the shape {values.shape}. Each row needs one reading (NaN where none)."
-        )
-    return values
+def readings(y: Any, X: Any) -> np.ndarray:
+    """Readings as floats, row by row as X, NaN where there is none; RecordError for what `evaluate` refuses."""
+    return np.array(numeric_reading(_finite(y), X), float)
 
 
 def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
-    """A column as floats, NaN for what is missing; RecordError, in a sentence, for any other."""
-    try:
-        return _floats(_whole(X[name]) if is_frame(X) else X[:, name])
-    except (KeyError, IndexError, TypeError, ValueError):
-        return _floats(numeric_column(X, name, role))  # the same, or a sentence about what is wrong
+    """A column as floats, NaN for what is missing; RecordError for what `evaluate` refuses."""
+    if is_frame(X) and name in X.columns and X[name].ndim == 1:
+        X = {name: _finite(X[name][:])}
+        return np.array(as_numbers(X[name], f"{role.capitalize()} {quoted(name)}", role), float)
+    if not is_frame(X) and np.asarray(X).dtype.kind == "f":
+        return np.array(_finite(X[:, name]), float)
+    return np.array(numeric_column(X, name, role), float)
 
 
 def refused_rows(inputs: Mapping[Any, Limits], stamps: np.ndarray, values: Any) -> np.ndarray | None:

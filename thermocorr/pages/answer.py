@@ -94,7 +94,8 @@ class Answer:
             advice = advice.using(answer.asked, comparison.models)
         if refined is not None and further_text(refined):
             advice = advise_refined(advice, comparison.models, refined.model_, refined.moment, X, y)
-        return replace(answer, advice=advice)
+        notes = (*answer.notes, *filter(None, [advice.unproven]))
+        return replace(answer, advice=advice, notes=notes)
 
     @property
     def advised(self) -> Advice | None:
@@ -192,7 +193,7 @@ class Answer:
         said += f": it leaves {scale.text(advice.after)} rms on later data"
         low, high = advice.range
         said += f" ({scale.number(low)} to {scale.number(high)}), " if high > low else ", "
-        return f"{said}against {scale.text(advice.before)} without the temperature.{advice.unproven}"
+        return f"{said}against {scale.text(advice.before)} without the temperature."
 
     def __str__(self) -> str:
         return "\n".join(str(printable(line)) for line in self.lines())

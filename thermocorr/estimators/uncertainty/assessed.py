@@ -62,12 +62,12 @@ def uncertainty_of(
     inputs, status = np.zeros(n), no_flags(record)
     noise = joint.noise
     doubt = 1.0 if why_provisional else 0.0
-    for block, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
+    for block, parts, value, errors in ErrorWalk(model, joint, removed=True).blocks(record):
         rows = block.rows
         if record.reading is None:
             raise RecordError("There are no readings. Pass y, the readings of the rows of X.")
         given = np.asarray(record.reading[rows], float)
-        flags = model._block_flags(block, given)
+        flags = model._block_flags(block, given, parts)
         measured = np.where(model._in_washout(block), np.nan, model._screened(block, given))
         corrected[rows], bias[rows] = measured - value, value
         lost = np.where(np.isfinite(measured), 0.0, np.nan)
@@ -276,7 +276,7 @@ class SignedModel(FittedModel):
         walk = ErrorWalk(self, joint, removed=of != "reading")
         runs = {segment.run for segment in self.features_.history_.record.segments}
         of_levels = level_variance(self) if of == "reading" else 0.0
-        for block, value, errors in walk.blocks(record):
+        for block, _, value, errors in walk.blocks(record):
             variance = errors.bias if of == "bias" else errors.of_readings(joint.noise)
             variance[self._in_washout(block)] = np.nan
             if record.segments[block.segment].run not in runs:  # its level is not known

@@ -542,8 +542,8 @@ class ErrorWalk:
         self.through = np.column_stack((joint.half, joint.half @ self.level, joint.coef))
         """What columns are multiplied by: directions of their covariance, what all rows share, the best estimate."""
 
-    def blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray, RowErrors]]:
-        """Each block with the value that the model gives (the bias, or the modelled reading), and its errors."""
+    def blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray, np.ndarray, RowErrors]]:
+        """Each block, contributions of all effects, the bias or the modelled reading, and its errors."""
         model, joint = self.model, self.joint
         own, starts, states = model.features_.resume(record)
         walked: list[Walked] = []
@@ -562,7 +562,8 @@ class ErrorWalk:
         for block, contributions in model._weighed(noted()):
             value = contributions[:, parts].sum(axis=1) + constant
             columns = next(wide, walked[0]).columns
-            yield block, value, self.errors(columns, block.seconds, block.temperature, value, block.segment_key)
+            errors = self.errors(columns, block.seconds, block.temperature, value, block.segment_key)
+            yield block, contributions, value, errors
 
     def errors(
         self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, value: np.ndarray, key: int | None

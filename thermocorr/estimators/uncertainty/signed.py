@@ -452,7 +452,7 @@ class Uncertainty:
         seconds, runs = np.zeros(len(at)), np.zeros(len(at), int)
         columns, fading = np.zeros((len(at), len(self.joint.coef))), np.zeros((len(at), len(self.joint.noise.wander)))
         labels: dict[object, int] = {}
-        for block, _, errors in ErrorWalk(self.model, self.joint, removed=True).blocks(self.record):
+        for block, _, _, errors in ErrorWalk(self.model, self.joint, removed=True).blocks(self.record):
             wanted = place[block.rows]
             inside, into = wanted >= 0, wanted[wanted >= 0]
             run = block.record.segments[block.segment].run
