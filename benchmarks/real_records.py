@@ -20,9 +20,10 @@ import numpy as np
 import pandas as pd
 from common import asked, rms
 
-from thermocorr import DynamicBiasRegressor, refine
+from thermocorr import DynamicBiasRegressor, compare_variants, refine
 from thermocorr.datasets import load_real_record
 from thermocorr.judgement import Refinement
+from thermocorr.pages import Answer
 
 NAIVE = {
     "vhd200 run9": 0.1332, "vhd200 run15": 0.1465, "vhd200 run17": 0.3268, "vhd200 run10": 0.9308,
@@ -98,6 +99,34 @@ def every(folder: str) -> dict[str, tuple[pd.DataFrame, pd.Series, str, int]]:
     dam = pd.read_csv(Path(folder) / "dam_piezometer" / "piezometer.csv", parse_dates=["time"]).set_index("time")
     found["dam"] = (dam.drop(columns="level_m"), dam["level_m"], "thermistor_36_degC", int(SHARE * len(dam)))
     return {name: tuple(case) for name, case in found.items()}
+
+
+def learned(X: pd.DataFrame, n: int, share: float) -> int:
+    """Rows to learn for another share than `SHARE`, of which `n` are learned."""
+    return len(X) - round((len(X) - n) * (1 - share) / (1 - SHARE))
+
+
+def answered(X: pd.DataFrame, y: pd.Series, temperature: str, n: int) -> dict[str, float]:
+    """What is promised of the first n rows by the advised correction, refined, and the truth of the rows after them.
+
+    `truth`: rms of the advised correction; `low`, `high`: its printed range; `given`, `without`: truth of the model
+    that was refined, and of no correction.
+    """
+    run = "run" if "run" in X else None
+    later = slice(n, n + math.ceil(THEN * len(X)))
+    compared = compare_variants(X[:n], y[:n], temperature=temperature, run=run, degree=2, n_blocks=2)
+    found = refine(compared.models[compared.begun], X[:n], y[:n])
+    answer = Answer.of(X[:n], y[:n], refinement=found, comparison=compared)
+    if answer.advised is None or answer.choice == "":
+        return {}
+    models = {**compared.models, "refined": found.model_}
+    truth = {name: rms(model.residuals(X[later], y[later])) for name, model in models.items()}
+    truth["none"] = rms(y[later] - y[:n].mean())
+    low, high = answer.advised.range
+    advised = answer.choice if answer.choice in ("none", "refined") else answer.advised.variant
+    return {
+        "truth": truth[advised], "low": low, "high": high, "given": truth[compared.begun], "without": truth["none"],
+    }  # fmt: skip
 
 
 def refined(X: pd.DataFrame, y: pd.Series, temperature: str, n: int) -> tuple[Refinement, float, float]:

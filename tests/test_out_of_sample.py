@@ -68,7 +68,7 @@ def test_a_fifth_of_the_noise_is_confirmed_by_means():
     column = rng.standard_normal((80, 1)).repeat(20, axis=0)
     y = 0.2 * column[:, 0] + rng.standard_normal(N)
     found = OutOfSample(y, np.ones((N, 1))).worth([column])[0]
-    assert not found.short.adds(False, False) and found.long.adds(False, False) and found.adds()
+    assert not found.short.adds(False) and found.long.adds(False) and found.adds()
 
 
 def test_refine_keeps_what_the_fitted_model_confirms():

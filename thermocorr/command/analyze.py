@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -15,8 +15,9 @@ import pandas as pd
 
 from ..displays.residual_displays import added_noise
 from ..displays.words import aspect_text, each_row, further_text, interval_text
-from ..equations import MovingAverage
+from ..equations import MovingAverage, reduction_db
 from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
+from ..estimators.advice import SIMPLER
 from ..estimators.progress import Progress, has_bars, reporting
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
@@ -131,7 +132,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         )
     average = None if options.average is None else MovingAverage(options.average)
     asked = (options.variant or "").replace("-", " ")
-    judged = _judge(comparison.models[asked or comparison.begun], X, y, options, progress)
+    begun, judged = _best_judged([asked] if asked else comparison.starts, comparison, X, y, options, progress)
     answer = Answer.of(
         X,
         y,
@@ -139,6 +140,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         refinement=judged.refinement,
         comparison=comparison,
         asked=asked,
+        begun=begun,
         unjudged=judged.reason,
         source=", ".join(options.log) or "the built-in voltage reference with a hidden effect",
         command=options.as_written,
@@ -188,7 +190,7 @@ def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> Dy
     """The model of the answer; where no correction is advised, the one that was judged."""
     if answer.refined and judged.refinement is not None:
         return judged.refinement.model_
-    return comparison.models[answer.asked or comparison.begun]
+    return comparison.models[answer.asked or answer.begun]
 
 
 def _everything(answer: Answer, judged: Judged, best: DynamicBiasRegressor) -> str:
@@ -216,6 +218,26 @@ class Judged(NamedTuple):
     refinement: Refinement | None = None
     reason: str = ""
     """Why there is no diagnosis."""
+
+
+def _best_judged(
+    starts: Sequence[str],
+    comparison: VariantComparison,
+    X: pd.DataFrame,
+    y: pd.Series,
+    options: argparse.Namespace,
+    progress: Progress,
+) -> tuple[str, Judged]:
+    """The first of some variants with its judgement; a refinement of a later one that is better by `SIMPLER`."""
+    best, judged = starts[0], _judge(comparison.models[starts[0]], X, y, options, progress)
+    for name in starts[1:] if options.refine else ():
+        other = _judge(comparison.models[name], X, y, options, progress)
+        if judged.refinement is None or other.refinement is None:
+            continue
+        now, before = (one.refinement.steps["later_rms"].iloc[-1] for one in (other, judged))
+        if reduction_db(now, before) <= -SIMPLER:
+            best, judged = name, other
+    return best, judged
 
 
 def _judge(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,10 +16,10 @@ from ..equations import reduction_db
 from ..records import Record, read_record
 from ..records.errors import printable
 from ..records.history import thinned
-from ..records.numbers import Scale, number_text, numeric_reading, scale_of
+from ..records.numbers import Scale, number_text, numeric_reading, scale_of, span_text
 from ..records.screen import screened
 from .averages import COARSE, Averages, averaged, averaged_columns
-from .out_of_sample import GAIN, PIECES, OutOfSample, geometric_mean, later_pieces
+from .out_of_sample import FEWEST_STRETCHES, GAIN, LONGEST, PIECES, OutOfSample, geometric_mean, later_pieces
 from .surrogates import moved
 
 FEWEST = 100
@@ -28,6 +28,10 @@ PROBED, LAGS, TOGETHER = 100_000, 14, 3
 """Rows, lags and lags at once at most of the laws by which temperature and copies are compared."""
 LEVEL, LATEST, DRIFT = NEEDLESS = ("level", "latest level", "level and drift")
 """What needs no temperature: the mean of all readings so far, that of the last ones, a straight line."""
+LEAST_BEHIND = 4
+"""Pieces of the record, of eighty, between the date of an effect and the longest forecast that is told of it."""
+SIMPLER = 1.0
+"""Fall of the error [dB] up to which the simpler of two corrections is advised."""
 REFINED = "refined"
 """Choice of, and variant with, effects that were found to be missing."""
 
@@ -42,8 +46,13 @@ class Advice:
     """Name of the variant to use; "" for none."""
     table: pd.DataFrame
     """Rms error in the unit of the reading: a row for each correction, the simplest first, a column for each later
-    stretch, predicted from all before it, and "all", their geometric mean. Empty where nothing is advised. Where a
-    refined model has effects with a date, the stretches lie behind the last one."""
+    stretch, predicted from all before it, "all", their geometric mean, and "longest", of the last 30 % of the record,
+    predicted from the first 70 %. Empty where nothing is advised. Where a refined model has effects with a date, the
+    stretches lie behind the last one."""
+    ahead: float = np.nan
+    """Length of a stretch [s]."""
+    last: float = np.nan
+    """Length of the last 30 % of the record [s]."""
     copies_db: float
     """Error of laws of the temperature over that of the best copy moved in time [dB]; negative is good. NaN where no
     copy differs enough from it, 0 where it was not asked."""
@@ -64,10 +73,30 @@ class Advice:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and greatest error of what is advised on a later stretch."""
+        """Least and greatest error of what is advised, on later stretches and in the longest forecast.
+
+        NaN for fewer than three stretches: nobody knows.
+        """
         name = self.variant or min(NEEDLESS, key=self._of)
         each = self.table.drop(columns="all").to_numpy(float)[list(self.table.index).index(name)]
-        return float(each.min()), float(each.max())
+        return (float(each.min()), float(each.max())) if len(each) > FEWEST_STRETCHES else (np.nan, np.nan)
+
+    @property
+    def longest(self) -> float:
+        """Error of what is advised on the last 30 % of the record, predicted from the first 70 %."""
+        name = self.variant or min(NEEDLESS, key=self._of)
+        return float(self.table["longest"].to_numpy(float)[list(self.table.index).index(name)])
+
+    def promise(self, scale: Scale) -> str:
+        """The error of what is advised, its range, and how far ahead: for a sentence."""
+        after, low, high, longest = (scale.number(v, 2) for v in (self.after, *self.range, self.longest))
+        unit = f" {scale.unit}" if scale.unit else ""
+        if not np.isfinite(self.range[0]):
+            return f"{after}{unit} rms on the last readings; how it does further ahead is not known"
+        spread = f" ({low} to {high})" if low != high else ""
+        far = [f" {span_text(float(f'{each:.2g}'))}" if np.isfinite(each) else "" for each in (self.ahead, self.last)]
+        said = f"{after}{unit} rms on the next{far[0] or ' tenth of the record'}{spread}"
+        return f"{said}, {longest}{unit} on the next{far[1] or ' 30 %'}" if np.isfinite(self.longest) else said
 
     def scale(self) -> Scale:
         """The unit in which errors are printed."""
@@ -94,15 +123,16 @@ class Advice:
         scale = scale or self.scale()
         whole = self.table["all"]
         best = str(whole.drop(list(NEEDLESS), errors="ignore").idxmin())
-        without = f"{scale.text(self.before)} without the temperature"
         if self.choice == "none":
-            said = "Use no correction by temperature: on later stretches the best one, "
-            said += f"{best}, leaves {scale.text(whole[best])} rms"
+            said = f"Use no correction by temperature: the best one, {best}, leaves {scale.text(whole[best])} rms on later "
+            said += f"stretches, no correction {scale.text(self.before)}"
             if reduction_db(whole[best], self.before) > -GAIN:
-                return f"{said}, against {without}."
-            return f"{said} ({without}), and the same temperature moved in time does as well."
-        said = f"Use the {self.variant} correction: on later stretches it leaves {scale.text(self.after)} rms, "
-        return f"{said}against {without}."
+                return f"{said}."
+            longest = self.table["longest"]
+            if reduction_db(longest[best], longest[list(NEEDLESS)].min()) > -GAIN:
+                return f"{said}; on the last 30 % of the record it is no better."
+            return f"{said}; the same temperature moved in time does as well."
+        return f"Use the {self.variant} correction: it leaves {self.promise(scale)}, no correction {scale.text(self.before, 2)}."
 
     def __str__(self) -> str:
         if not self.choice:
@@ -119,31 +149,38 @@ class Advice:
 def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
     """Choose between variants of a model, and no correction by temperature at all.
 
-    Each is predicted on the same later stretches, from all before them. The simplest within `GAIN` of the best is
-    chosen, if it is better by as much than what needs no temperature, and laws of the temperature are than laws of
-    copies of it that are moved in time, see `thermocorr.estimators.surrogates`.
+    Each is predicted on the same later stretches, from all before them, and on the last 30 % of the record. The simplest
+    within `SIMPLER` of the best is chosen, of those that are better by `GAIN` on both than what needs no temperature. It
+    must also outdo laws of copies of the temperature that are moved in time, see `thermocorr.estimators.surrogates`.
 
     `variants` (mapping of str to fitted DynamicBiasRegressor): The simplest first. `X`, `y` (as for their `fit`).
     """
     last = list(variants.values())[-1]
     record = _record(last, X, numeric_reading(y, X))
-    table = _errors(variants, record)
+    table, spans = _errors(variants, record)
     if table.empty:
         return Advice(choice="", variant="", table=table, copies_db=0.0, unit=last.reading_.unit)
-    whole = table["all"]
-    best = whole[list(variants)].min()
     chosen, copies = "", 0.0
-    if reduction_db(best, whole[list(NEEDLESS)].min()) <= -GAIN:
+    better = [name for name in variants if _beats(table, name, NEEDLESS)]
+    if better:
         copies = _against_copies(record, max(model.degree for model in variants.values()), _levels(last))
         if not copies < GAIN:
-            chosen = next(name for name in variants if reduction_db(best, whole[name]) > -GAIN)
+            best = table["all"][better].min()
+            chosen = next(name for name in better if reduction_db(best, table["all"][name]) > -SIMPLER)
     return Advice(
         choice=_kind(variants[chosen]) if chosen else "none",
         variant=chosen,
         table=table,
         copies_db=-copies,
         unit=last.reading_.unit,
+        **spans,
     )
+
+
+def _beats(table: pd.DataFrame, name: str, others: Sequence[str]) -> bool:
+    """True if a correction is better by `GAIN` than the best of others, on later stretches and in the longest forecast."""
+    both = table[["all", "longest"]].dropna(axis=1)
+    return all(reduction_db(both[c][name], both[c][list(others)].min()) <= -GAIN for c in both)
 
 
 def advise_refined(
@@ -156,33 +193,46 @@ def advise_refined(
     if not advice.choice:
         return advice
     models = {**variants, REFINED: refined}
-    table = _errors(models, _record(refined, X, numeric_reading(y, X)), moment)
-    whole = table["all"]
-    before = whole[advice.variant] if advice.variant else whole[list(NEEDLESS)].min()
-    if reduction_db(whole[REFINED], before) > -GAIN:
-        return replace(advice, table=table)
-    return replace(advice, choice=REFINED, variant=REFINED, table=table)
+    table, spans = _errors(models, _record(refined, X, numeric_reading(y, X)), moment)
+    advice = replace(advice, table=table, **spans)
+    if not _beats(table, REFINED, [advice.variant] if advice.variant else NEEDLESS):
+        return advice
+    return replace(advice, choice=REFINED, variant=REFINED)
 
 
-def _errors(variants: Mapping[str, Any], record: Record, moment: float | None = None) -> pd.DataFrame:
-    """`Advice.table`; empty for too few readings. The last variant has the effects with dates and levels of all."""
+def _errors(
+    variants: Mapping[str, Any], record: Record, moment: float | None = None
+) -> tuple[pd.DataFrame, dict[str, float]]:
+    """`Advice.table`, empty for too few readings, and the lengths of its stretches.
+
+    The last variant has the effects with dates and levels of all.
+    """
     last = list(variants.values())[-1]
     effects = {name: _effects(model, record) for name, model in variants.items()}
     data = averaged(record, [effect for some in effects.values() for effect in some])
     if len(data.reading) < FEWEST:
-        return pd.DataFrame()
+        return pd.DataFrame(), {}
     groups = np.searchsorted(_levels(last), data.seconds, side="right")
-    made = iter(data.columns)
-    columns = {name: _level_free(np.column_stack([next(made) for _ in some]), groups) for name, some in effects.items()}
+    averages = iter(data.columns)
+    columns = {name: _level_free(np.column_stack([next(averages) for _ in some]), groups) for name, some in effects.items()}
     reading = _level_free(data.reading[:, None], groups)[:, 0]
     known = _Stretches(reading, _hidden(reading, columns[list(columns)[-1]], data), moment)
-    table = {LEVEL: known.errors(reading[:, None][:, :0])}
-    table[LATEST] = known.of_latest()
-    table[DRIFT] = known.errors(data.seconds[:, None] - data.seconds.mean())
-    table |= {name: known.errors(own) for name, own in columns.items()}
-    frame = pd.DataFrame({name: np.sqrt(errors) for name, errors in table.items()}).T
+    drift = data.seconds[:, None] - data.seconds.mean()
+    made = {LEVEL: reading[:, None][:, :0], DRIFT: drift, **columns}
+    laws = {name: known.with_columns(own) for name, own in made.items()}
+    table = {name: law.reading_errors(moment) for name, law in laws.items()}
+    longest = {name: law.longest_error for name, law in laws.items()}
+    table[LATEST], longest[LATEST] = known.of_latest(later_pieces(moment)), known.of_latest([LONGEST])[0]
+    order = [*NEEDLESS, *columns]
+    frame = pd.DataFrame({name: np.sqrt(table[name]) for name in order}).T
     frame = frame.set_axis(range(1, frame.shape[1] + 1), axis=1)
-    return frame.assign(all=[np.sqrt(geometric_mean(errors)) for errors in table.values()])
+    frame["all"] = [np.sqrt(geometric_mean(table[name])) for name in order]
+    known_long = moment is None or LONGEST[0].stop - moment * PIECES >= LEAST_BEHIND
+    frame["longest"] = [np.sqrt(longest[name]) if known_long else np.nan for name in order]
+    edges = np.linspace(0, len(data.seconds) - 1, PIECES + 1).astype(int)
+    _, stretch = later_pieces(moment)[0] if later_pieces(moment) else LONGEST
+    lengths = [float(data.seconds[edges[part.stop]] - data.seconds[edges[part.start]]) for part in (stretch, LONGEST[1])]
+    return frame, dict(zip(("ahead", "last"), lengths if record.times.kind != "rows" else (np.nan, np.nan), strict=True))
 
 
 def _kind(model: Any) -> str:
@@ -251,12 +301,12 @@ class _Stretches:
         """Errors of a law, shape (stretches,)."""
         return self.with_columns(columns).reading_errors(self.moment)
 
-    def of_latest(self) -> np.ndarray:
+    def of_latest(self, folds: Sequence[tuple[range, range]]) -> np.ndarray:
         """Errors of the mean of the last readings before each stretch."""
         edges = np.linspace(0, len(self.reading), PIECES + 1).astype(int)
         found = []
         begin = 0 if self.moment is None else int(np.ceil(self.moment * PIECES))
-        for learn, test in later_pieces(self.moment):
+        for learn, test in folds:
             level = self.reading[edges[max(learn.stop - 4, begin)] : edges[learn.stop]].mean()
             found.append(np.mean((self.reading[edges[test.start] : edges[test.stop]] - level) ** 2))
         return np.maximum(found, 1e-300) + self.hidden

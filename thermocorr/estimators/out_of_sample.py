@@ -38,6 +38,10 @@ BLOCKS = tuple(
 """Pieces to learn from, and blocks that are held out."""
 
 
+LONGEST = range(56), range(56, PIECES)
+"""The longest forecast: learned from 70 % of the rows, and seen on the last 30 %."""
+
+
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
     """Pieces to learn from, and later pieces to be predicted.
 
@@ -69,11 +73,14 @@ class Falls(NamedTuple):
         mean = float(falls.mean()) if len(falls) else np.nan
         return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
-    def adds(self, evenly: bool, twice: bool) -> bool:
-        """True if the error falls by `GAIN` on later stretches, and in most of them, see `Worth.adds`."""
+    def adds(self, twice: bool) -> bool:
+        """True if the error falls by `GAIN` on later stretches, in most of them, and `twice` on held-out blocks."""
         most = 2 * sum(fall > 0 for fall in self.each) > len(self.each) >= FEWEST_STRETCHES
-        even = not evenly or min(self.each, default=0.0) >= -self.later / 2
-        return self.later >= GAIN and most and even and self.blocks >= (GAIN if twice else -GAIN)
+        return self.later >= GAIN and most and (self.blocks >= GAIN or not twice)
+
+    def costs(self, evenly: bool) -> bool:
+        """True if the error rises by `GAIN` on the mean, or `evenly` on a stretch by half of what it falls in all."""
+        return min(self.later, self.blocks) < -GAIN or (evenly and min(self.each) < -max(self.later, 0.0) / 2)
 
 
 class Worth(NamedTuple):
@@ -100,12 +107,12 @@ class Worth(NamedTuple):
         return max(self, key=lambda falls: np.nan_to_num(min(falls.later, falls.blocks), nan=-np.inf))
 
     def adds(self, evenly: bool = False, twice: bool = False) -> bool:
-        """True if it is worth adding: averages of either length are predicted better.
+        """True if it is worth adding: averages of one length are predicted better, and of neither worse.
 
         What must help `evenly` may cost on no stretch more than half of what it gains in all. What is asked `twice`,
-        as it has a date, memory or a period, must gain on held-out blocks as well; all else must not lose there.
+        as it has a date, memory or a period, must gain on held-out blocks as well.
         """
-        return self.short.adds(evenly, twice) or self.long.adds(evenly, twice)
+        return any(falls.adds(twice) and not any(each.costs(evenly) for each in self) for falls in self)
 
 
 class OutOfSample:
@@ -192,6 +199,11 @@ class OutOfSample:
     def reading_errors(self, moment: float | None = None) -> np.ndarray:
         """Mean square error of readings on each later stretch, behind a moment, shape (stretches,)."""
         return self.errors(moment)[:, 0] + self.unseen
+
+    @property
+    def longest_error(self) -> float:
+        """Mean square error of readings of the longest forecast."""
+        return float(self._errors([LONGEST])[0, 0] + self.unseen)
 
     def later_rms(self, moment: float | None = None) -> float:
         """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN where there are none."""

@@ -74,7 +74,12 @@ class VariantComparison:
     @property
     def begun(self) -> str:
         """Name of the variant that what is missing is looked for in: the advised one, or else the richest."""
-        return self.advice.variant or list(self.models)[-1]
+        return self.starts[0]
+
+    @property
+    def starts(self) -> tuple[str, ...]:
+        """Names of the variants that a refinement may begin with: the advised one, and the richest."""
+        return tuple(dict.fromkeys(name for name in (self.advice.variant, list(self.models)[-1]) if name))
 
     def frame(self) -> pd.DataFrame:
         """The figures: one row per variant.

@@ -18,6 +18,7 @@ from ..displays.words import (
     left_sentences,
     probability_text,
     share_of_samples,
+    small_sentence,
     when_text,
 )
 from ..effects.thermal import column_text
@@ -285,7 +286,8 @@ def _judged(found: Fitted) -> dict[str, Any]:
 
 def _left(judged: Diagnosis, scale: Scale) -> list[str]:
     """Residual that no cause explains."""
-    return [printable(words) for words in left_sentences(judged.left, scale, judged.verdict)]
+    said = [small_sentence(judged), *left_sentences(judged.left, scale, judged.verdict)]
+    return [printable(words) for words in said if words]
 
 
 def _place(row: Any, found: Fitted) -> dict[str, Any]:

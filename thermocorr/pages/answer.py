@@ -72,6 +72,8 @@ class Answer:
     """Which correction to use; by default that of the comparison."""
     asked: str = ""
     """Variant that the user asked for, whatever is advised."""
+    begun: str = ""
+    """Variant that a refinement began with; by default that of the comparison."""
     unjudged: str = ""
     """Why there is no diagnosis."""
     source: str = ""
@@ -128,7 +130,7 @@ class Answer:
         """The correction to use, in words; "" for none."""
         if not self.refined or self.refinement is None:
             return "" if self.advised is None else self.advised.variant
-        begun = self.asked or ("" if self.comparison is None else self.comparison.begun)
+        begun = self.asked or self.begun or ("" if self.comparison is None else self.comparison.begun)
         return f"{begun} with {further_text(self.refinement)}".strip()
 
     @property
@@ -136,7 +138,12 @@ class Answer:
         """Missing effects: those added, in order, then those not added, the most helpful first."""
         if self.refinement is None:
             return () if self.diagnosis is None else tuple(Missing(s, "missing") for s in self.diagnosis.causes)
-        tried = [suspect for some in self.refinement.added for suspect in some]
+        later = self.refinement.steps["later_rms"]
+        tried = [
+            replace(suspect, before=float(later.iloc[k]), after=float(later.iloc[k + 1]))
+            for k, some in enumerate(self.refinement.added)
+            for suspect in some
+        ]
         if not self.refined:
             return tuple(Missing(s, "not confirmed") for s in tried or self.refinement.diagnoses[0].causes)
         state = "missing" if self.refinement.untried else "not confirmed"
@@ -163,10 +170,11 @@ class Answer:
     def to_dict(self) -> dict[str, Any]:
         """Answer as JSON: errors in the unit of the reading, on stretches predicted from all earlier data."""
         advice, found = self.advised, self.last
-        error: dict[str, Any] = {"before": None, "after": None, "after_range": None}
+        error: dict[str, Any] = {"before": None, "after": None, "longest": None, "after_range": None}
         errors: dict[Any, float] = {}
         if advice is not None and not advice.table.empty:
-            error = {"before": advice.before, "after": advice.after, "after_range": list(advice.range)}
+            error = {"before": advice.before, "after": advice.after, "longest": _or_null(advice.longest)}
+            error["after_range"] = list(advice.range) if np.isfinite(advice.range[0]) else None
             errors = advice.table["all"].to_dict()
         return {
             "choice": self.choice or None,
@@ -190,10 +198,7 @@ class Answer:
             return advice.sentence(scale)
         said = "You asked for the" if self.asked and not self.refined else "Use the"
         said += f" refined correction, {self.model}" if self.refined else f" {self.model} correction"
-        said += f": it leaves {scale.text(advice.after)} rms on later data"
-        low, high = advice.range
-        said += f" ({scale.number(low)} to {scale.number(high)}), " if high > low else ", "
-        return f"{said}against {scale.text(advice.before)} without the temperature."
+        return f"{said}: it leaves {advice.promise(scale)}; no correction leaves {scale.text(advice.before, 2)}."
 
     def __str__(self) -> str:
         return "\n".join(str(printable(line)) for line in self.lines())

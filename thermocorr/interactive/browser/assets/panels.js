@@ -4,7 +4,7 @@
   const tc = (window.thermocorr ??= {});
   const { element, number, bar } = tc;
   const CARDS = 3; // causes that are shown unfolded
-  const UNPROVEN = { proven: "", helps: "helps; cause not proven" };
+  const UNPROVEN = { confirmed: "", helps: "helps; cause not proven", proven: "proven, not confirmed" };
   const ROLES = { suspect: "suspect", temperature: "temperature", reading: "reading", reference: "reference", time: "time", run: "run", ignored: "ignore" };
 
   const details = (summary, open, ...children) => element("details", { open }, element("summary", {}, summary), ...children);
