@@ -113,8 +113,10 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
     )
     print(shares.mean().assign(records=shares.size()).round(3).to_string())
     planted = seen[~seen["kind"].isin(NOTHING + UNKNOWN)]
-    print(f"planted: first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%}, "
-          f"confirmed {planted['confirmed'].mean():.1%} of {len(planted)}")
+    print(
+        f"planted: first {planted['first'].mean():.1%}, named {planted['named'].mean():.1%}, "
+        f"confirmed {planted['confirmed'].mean():.1%} of {len(planted)}"
+    )
     if verbose:
         print(seen[~seen["first"]].to_string())
 

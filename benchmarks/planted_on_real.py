@@ -8,8 +8,8 @@ most a tenth of the record, with the spectrum fitted to the record's own residua
 the average when the planted column is taken in. Recorded columns of other places (decoys, and one of them the culprit
 where a column is planted) stand besides the temperature.
 
-Printed for each record and together: the plant is named in either grade, or in a declared set; it is confirmed; a decoy is
-confirmed; nobody is named.
+Printed for each record and together: the plant is named in either grade, or in a declared set; it is confirmed; a decoy
+is confirmed; nobody is named.
 """
 
 import itertools

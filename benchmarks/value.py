@@ -214,7 +214,7 @@ def measured(folder: str, name: str, share: float) -> Answers:
         "refine harms by 0.5 dB": decibels(before, after) < -0.5,
         "a range is printed": printed,
         "truth inside the printed range": said["low"] <= said["truth"] <= said["high"] if printed else None,
-        "advised harms by 0.5 dB": decibels(min(said["given"], said["without"]), said["truth"]) < -0.5 if said else None,
+        "advised harms by 0.5 dB": said["truth"] > 10**0.025 * min(said["given"], said["without"]) if said else None,
         "refined over best known [dB]": -decibels(BEST[name], after) if name in BEST and usual else None,
     }
 

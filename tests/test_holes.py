@@ -351,7 +351,8 @@ def test_a_damaged_date_behind_a_hole_that_ended_a_segment_begins_none(size):
     times = later.index.to_series().to_numpy().copy()
     times[300] += np.timedelta64(30, "D")
     damaged, live = later.set_index(pd.TimedeltaIndex(times)), OnlineCorrector(model)
-    parts = [live.update_many(damaged[at : at + size], readings[at : at + size].to_numpy()) for at in range(0, 600, size)]
+    readings = readings.to_numpy()
+    parts = [live.update_many(damaged[at : at + size], readings[at : at + size]) for at in range(0, 600, size)]
     shown = pd.concat(parts).iloc[good]
     assert (shown["flag"] == "washout").sum() == (whole["flag"] == "washout").sum() == 30  # three time constants
     assert np.nanmax(np.abs(shown["corrected"].to_numpy() - whole["corrected"].to_numpy())) < 1e-9

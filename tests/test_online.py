@@ -157,7 +157,8 @@ def test_gaps_in_a_block_are_told_from_false_dates_as_one_by_one(late, max_gap):
     expected, doubt = pd.DataFrame(samples), single.state()["doubt"]
     for cuts in ([], [1], [41, 42, 300]):
         live, edges = OnlineCorrector(model, uncertainty=True, average=5), [0, *cuts, len(X)]
-        got = pd.concat([live.update_many(X[low:high], y[low:high].to_numpy()) for low, high in itertools.pairwise(edges)])
+        parts = [live.update_many(X[a:b], y[a:b].to_numpy()) for a, b in itertools.pairwise(edges)]
+        got = pd.concat(parts)
         assert got["flag"].tolist() == [sample.flag for sample in samples]
         for column in ("corrected", "bias", "smoothed", "u"):
             np.testing.assert_allclose(got[column], expected[column], rtol=1e-11)

@@ -234,7 +234,7 @@ def _best_judged(
         other = _judge(comparison.models[name], X, y, options, progress)
         if judged.refinement is None or other.refinement is None:
             continue
-        now, before = (one.refinement.steps["later_rms"].iloc[-1] for one in (other, judged))
+        now, before = (found.steps["later_rms"].iloc[-1] for found in (other.refinement, judged.refinement))
         if reduction_db(now, before) <= -SIMPLER:
             best, judged = name, other
     return best, judged

@@ -202,10 +202,7 @@ class Loaded(NamedTuple):
 
 def load_log(options: argparse.Namespace) -> Loaded:
     """The log that the options name; without one, the built-in record."""
-    learned: dict[str, Any] = {
-        "screen": not options.no_screen,
-        "effects": _events(options),
-    }
+    learned: dict[str, Any] = {"screen": not options.no_screen, "effects": _events(options)}
     time_constants = parse_time_constants(options.time_constants)
     if not options.log:
         if any((options.reading, options.reference, options.temperature, options.time, options.run)):

@@ -274,12 +274,12 @@ class FittedModel:
 
         "no temperature", "no reading", "sentinel" or "spike" (of an input or the reading, see `screen`), "other unit"
         (a single temperature that looks like kelvin where degC was fitted, or the other way round), "washout", "outside
-        fitted range": of the temperature, or of what an effect makes of its columns, by more than three
-        standard deviations of the residuals. "jump": an input moved faster than it ever did, and the value before stands in its place until
-        the next row speaks for it. "filled": a cell was missing and is filled (see `fill`). "doubtful input": what was
-        filled, stands still or has jumped, in this row or before, may move the bias by more than the residuals'
-        standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done in gaps
-        between rows moves it by as much.
+        fitted range": of the temperature, or of what an effect makes of its columns, by more than three standard
+        deviations of the residuals. "jump": an input moved faster than it ever did, and the value before stands in its
+        place until the next row speaks for it. "filled": a cell was missing and is filled (see `fill`). "doubtful
+        input": what was filled, stands still or has jumped, in this row or before, may move the bias by more than the
+        residuals' standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done
+        in gaps between rows moves it by as much.
         """
         reading = None if y is None else self._reading_numbers(X, y)
         record, starts, states = self._resumed_with_gaps(X)

@@ -38,8 +38,11 @@ BLOCKS = tuple(
 """Pieces to learn from, and blocks that are held out."""
 
 
-LONGEST = range(56), range(56, PIECES)
-"""The longest forecast: learned from 70 % of the rows, and seen on the last 30 %."""
+FORECASTS = {f"from {10 * s // 8} %": (range(s), range(s, min(round(s / 0.7), PIECES))) for s in (32, 40, 48, 56)}
+"""Longer forecasts: from a share of the rows, as far ahead as the last 30 % of them lie behind the first 70 %."""
+LONGEST = "from 70 %"
+LEAST_BEHIND = 4
+"""Pieces between the date of an effect and a forecast that is told of it."""
 
 
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
@@ -200,13 +203,16 @@ class OutOfSample:
         """Mean square error of readings on each later stretch, behind a moment, shape (stretches,)."""
         return self.errors(moment)[:, 0] + self.unseen
 
-    @property
-    def longest_error(self) -> float:
-        """Mean square error of readings of the longest forecast."""
-        return float(self._errors([LONGEST])[0, 0] + self.unseen)
+    def forecast_errors(self, moment: float | None = None) -> dict[str, float]:
+        """Mean square error of readings of each of `FORECASTS`; NaN where it is not far enough behind a moment."""
+        begins = LEAST_BEHIND + (moment or 0.0) * PIECES
+        return {
+            name: float(self._errors([pieces])[0, 0] + self.unseen) if len(pieces[0]) >= begins else np.nan
+            for name, pieces in FORECASTS.items()
+        }
 
     def later_rms(self, moment: float | None = None) -> float:
-        """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN where there are none."""
+        """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN for none."""
         return float(np.sqrt(geometric_mean(self.reading_errors(moment))))
 
     @property
@@ -249,7 +255,9 @@ class Products(NamedTuple):
         """
         own = base if sums is None else sums.reshape(len(sums), -1)
         mean = own / sizes[:, None]
-        squares = reading**2 / sizes if sums is None else sums[..., None] * sums[..., None, :] / sizes[:, None, None, None]
+        squares = reading**2 / sizes
+        if sums is not None:
+            squares = sums[..., None] * sums[..., None, :] / sizes[:, None, None, None]
         return Products(base=base[:, :, None] * mean[:, None], reading=mean * reading[:, None], squares=squares)
 
 

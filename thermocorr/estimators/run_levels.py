@@ -66,7 +66,8 @@ def run_levels(record: Record) -> RunLevels:
                     f"Runs {before.label!r} and {after.label!r} overlap in time and have readings at different levels: "
                     "one model holds one level at a time. Fit a model for each run."
                 )
-            return RunLevels(note=f"Runs {before.label!r} and {after.label!r} overlap in time: all have one level (U0).")
+            overlap = f"Runs {before.label!r} and {after.label!r} overlap in time"
+            return RunLevels(note=f"{overlap}: all have one level (U0).")
     zero = record.first_stamp()
     between = [(before.ends + after.begins) / 2 for before, after in pairwise(ordered)]
     return RunLevels(tuple(record.times.between(moment, zero) for moment in between), _at_set_points(record, runs))

@@ -209,7 +209,8 @@ def _unpack_ticks(
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "ranges", "notes", "n_features_in", "feature_names_in", "log_form", "reading", "effects", "history", "filling", "errors",
+    "ranges", "notes", "n_features_in", "feature_names_in", "log_form", "reading", "effects", "history", "filling",
+    "errors",
 )  # fmt: skip
 
 
@@ -239,7 +240,7 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "rank": int(ridge.rank_),
         "residual_std": float(ridge.residual_std_),
         "washout": float(model.washout_),
-        "ranges": [[value if np.isfinite(value) else None for value in row] for row in model._learned_ranges().tolist()],
+        "ranges": [[x if np.isfinite(x) else None for x in row] for row in model._learned_ranges().tolist()],
         "reading": pack_reading(model.reading_),
         "notes": list(model.notes_),
         "n_features_in": int(model.n_features_in_),
@@ -381,8 +382,8 @@ def _restore_numbers(model: Any, features: DiffusiveFeatures, node: dict[str, An
     model.alpha_, model.search_ = ridge.alpha, None
     model.washout_ = number(node["washout"], f"{where}.washout", 0.0)
     rows = items(node["ranges"], f"{where}.ranges", len(features.effect_list()))
-    ranges = np.array([numbers_or_nan(row, f"{where}.ranges[{i}]", 2) for i, row in enumerate(rows)], float).reshape(-1, 2)
-    model._known_ranges = np.where(np.isnan(ranges), [-np.inf, np.inf], ranges)
+    ranges = [numbers_or_nan(row, f"{where}.ranges[{i}]", 2) for i, row in enumerate(rows)]
+    model._known_ranges = np.where(np.isnan(ranges), [-np.inf, np.inf], ranges).reshape(-1, 2)
     model.reading_ = unpack_reading(node["reading"], f"{where}.reading")
     notes = items(node["notes"], f"{where}.notes")
     model.notes_ = tuple(text(note, f"{where}.notes[{i}]") for i, note in enumerate(notes))

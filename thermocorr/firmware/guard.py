@@ -178,8 +178,9 @@ class Guard:
             Local("wandered", c["farthest"] * k["passed"]),
             Local("far", Choice(Variable("wandered") < c["spread"], Variable("wandered"), c["spread"])),
             Local("kept", Choice(binary(k["doubt"], "!=", none), k["level"], k["last"])),
-            Assign(other, Variable("kept")
-                   + Choice(Variable("kept") + Variable("kept") > c["low"] + c["high"], far, -far)),
+            Assign(
+                other, Variable("kept") + Choice(Variable("kept") + Variable("kept") > c["low"] + c["high"], far, -far)
+            ),
             *doubted,
         ]
         judged: list[Statement] = [

@@ -89,8 +89,7 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
             left.append(offer)
     for offer in (*kept, *left):
         offer.settle(_beside(pool, kept, offer))
-        others = [other.term.tried.explanation.columns for other in kept if other is not offer]
-        offer.size = pool.size(offer.term.tried.explanation.columns, others)
+        offer.size = pool.size(offer.fine, [other.fine for other in kept if other is not offer])
     kept.sort(key=lambda offer: -offer.worth.rank)
     return [offer.cause for offer in kept], [offer.small for offer in left if offer.term.tried.proven]
 
@@ -134,6 +133,7 @@ class _Offer:
         self.term, self.before, self.after, self.size = term, np.nan, np.nan, 0.0
         self.asked = helps_evenly(effect), passes_twice(effect)
         self.moment, self.columns = pool.moment(effect), search.coarse(term.tried)
+        self.fine = pool.with_columns([term.tried.explanation])[0].columns
         alike = [t for t in term.alike if not t.explanation.in_model and t.key[0] not in DATED]
         forms = _forms(pool, effect)
         made = [pool.coarse(each.columns) for each in pool.of(forms)]

@@ -78,7 +78,7 @@ class Stream:
         ]
         self._edges = edges
         self._level = model._removed_level
-        self._ranges = [*model._learned_ranges().tolist(), *([-math.inf, math.inf] for _ in self.effects[len(removed) :])]
+        self._ranges = model._learned_ranges().tolist() + [[-math.inf, math.inf]] * (len(self.effects) - len(removed))
         self._low, self._high = model.reading_.temperature_range
         self._unknown = model.reading_.temperature_gaps
         self._washout, self._deviation = model.washout_, model.residual_std_

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
+from ..records.grammar import LARGEST
 from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column, numeric_reading
 from ..records.screen import Limits
@@ -95,30 +96,32 @@ def one_number(value: Any) -> float:
         ) from None
 
 
-def _finite(values: Any) -> Any:
-    """Floating-point numbers with NaN in the place of infinite ones; all else as it is."""
+def _through(values: Any, door: Callable[[Any], Any]) -> np.ndarray:
+    """What `door` makes of values, as floats; infinite ones are missing, and absurd ones stay: a stream goes on."""
     values = as_pandas(values)
     if getattr(getattr(values, "dtype", None), "kind", "") != "f":
-        return values
-    infinite = np.isinf(np.asarray(values))
-    if not infinite.any():
-        return values
-    return values.mask(infinite) if isinstance(values, pd.Series) else np.where(infinite, np.nan, values)
+        return np.array(door(values), float)
+    given = np.asarray(values, float)
+    odd = np.abs(given) > LARGEST
+    if not odd.any():
+        return np.array(door(values), float)
+    found = np.array(door(values.mask(odd) if isinstance(values, pd.Series) else np.where(odd, np.nan, given)), float)
+    absurd = (odd & np.isfinite(given)).reshape(found.shape)
+    found[absurd] = given.reshape(found.shape)[absurd]
+    return found
 
 
 def readings(y: Any, X: Any) -> np.ndarray:
     """Readings as floats, row by row as X, NaN where there is none; RecordError for what `evaluate` refuses."""
-    return np.array(numeric_reading(_finite(y), X), float)
+    return _through(y, lambda values: numeric_reading(values, X))
 
 
 def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
     """A column as floats, NaN for what is missing; RecordError for what `evaluate` refuses."""
-    if is_frame(X) and name in X.columns and X[name].ndim == 1:
-        X = {name: _finite(X[name][:])}
-        return np.array(as_numbers(X[name], f"{role.capitalize()} {quoted(name)}", role), float)
-    if not is_frame(X) and np.asarray(X).dtype.kind == "f":
-        return np.array(_finite(X[:, name]), float)
-    return np.array(numeric_column(X, name, role), float)
+    if is_frame(X) and (name not in X.columns or X[name].ndim != 1):
+        return np.array(numeric_column(X, name, role), float)  # a sentence about what is wrong
+    values = X[name][:] if is_frame(X) else X[:, name]
+    return _through(values, lambda each: as_numbers(each, f"{role.capitalize()} {quoted(name)}", role))
 
 
 def refused_rows(inputs: Mapping[Any, Limits], stamps: np.ndarray, values: Any) -> np.ndarray | None:

@@ -3,10 +3,10 @@
 No input moves faster than in the fitted record by more than a margin. A value that does is held back, and the last one
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
 believed, and doubted. The model then goes on with it, and a second time with the last value from before (its `twin`):
-the doubtful values may have added the difference to the bias, now or in what the device remembers of them. A
-doubt ends when the input is back, by a jump or all the way, or after `BELIEVED` steps away in the fitted range, pauses
-not counted and the last one without a jump: then the room has really moved. An input that stands still to the last digit for much longer than it ever did is doubted too, but for the ends of
-its range.
+the doubtful values may have added the difference to the bias, now or in what the device remembers of them. A doubt ends
+when the input is back, by a jump or all the way, or after `BELIEVED` steps away in the fitted range, pauses not counted
+and the last one without a jump: then the room has really moved. An input that stands still to the last digit for much
+longer than it ever did is doubted too, but for the ends of its range.
 
 A value is judged by those before it alone, so that a stream, a block and a whole record say the same.
 """
@@ -162,8 +162,8 @@ class Gate:
     """
 
     __slots__ = (
-        "_move", "_rest", "_step", "at", "away_for", "began", "calm", "last", "level", "max_gap", "motion", "odd", "seen",
-        "since",
+        "_move", "_rest", "_step", "at", "away_for", "began", "calm", "last", "level", "max_gap", "motion", "odd",
+        "seen", "since",
     )  # fmt: skip
 
     def __init__(self, motion: Motion, max_gap: float):
@@ -180,7 +180,8 @@ class Gate:
         """All that is remembered.
 
         The last value that was believed, its time and that of the last row [s], how far a value that is held back lies
-    
+        away (0 for none), the last value before a doubt and its time [s], how many usual steps it has been away since,
+        pauses left out, since when the input stands still [s].
         """
         seen = self.at if self.calm else self.seen
         return self.last, self.at, seen, self.odd, self.level, self.began, self.away_for, self.since
