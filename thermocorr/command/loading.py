@@ -234,7 +234,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
             "is a thermometer that is to be compared with a better one, name that with --reference."
         )
     of_files = RUN if len(options.log) > 1 and not options.join and RUN in log.columns else None
-    run = of_files if options.run is None else options.run
+    run = options.run or of_files or found.run
     time = _time_column(options, table, how, None if stamped else found.time)
     timed = stamped or time is not None
     if timed and options.sampling_period is not None:

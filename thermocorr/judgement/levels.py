@@ -97,8 +97,8 @@ LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
 BETWEEN = (-0.5, 0.0, 0.5)
 """Rows beside the best delay of whole rows at which delays are tried, too."""
-FEWEST_SWINGS = 2
-"""Times that the temperature must turn by more than the width of a hysteresis: there, back, and there again."""
+FEWEST_SWINGS = 1
+"""Times that the temperature must turn by more than the width of a hysteresis: there and back."""
 ONE_WAY = 0.3
 """Share of the temperature's range by which it never turns back where it runs one way only."""
 SHORTEST_STRETCH = 8
