@@ -5,7 +5,6 @@ certified regressions of the NIST StRD, and the stability test suite of NIST SP 
 """
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from scipy.stats import chi2
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.displays import AllanDisplay
-from thermocorr.equations import AllanStream, allan_deviation, moving_average, reduction_db
+from thermocorr.equations import allan_deviation, moving_average, reduction_db, regular_cells
 from thermocorr.equations.allan import edf_overlapping
 from thermocorr.equations.statistics import whiteness
 from thermocorr.estimators import MergedRidge
@@ -194,7 +193,7 @@ def test_pieces_never_share_a_difference():
     np.testing.assert_array_equal(apart.n, 2 * alone.n)
 
 
-def regular_cells(seconds, values, cell):
+def cells(seconds, values, cell):
     """Means over regular cells of time, NaN where there is no reading; the first is centred on the first time."""
     number = np.floor((seconds - seconds[0]) / cell + 0.5).astype(np.intp)
     known = np.isfinite(values)
@@ -206,9 +205,7 @@ def regular_cells(seconds, values, cell):
 
 
 @pytest.mark.parametrize("irregular", [False, True])
-@pytest.mark.parametrize("most", [1 << 20, 1 << 10])
-def test_blocks_give_the_same_as_the_whole(irregular, most):
-    """Exact where all cells are held; beyond, long averages begin at every f-th cell, a sixteenth of their length."""
+def test_rows_at_any_times_are_averaged_into_cells(irregular):
     rng = np.random.default_rng(2)
     n = 12_000
     values = 5 + rng.normal(size=n) + 0.02 * np.cumsum(rng.normal(size=n))
@@ -218,36 +215,17 @@ def test_blocks_give_the_same_as_the_whole(irregular, most):
         keep[1000:1400] = keep[rng.integers(0, n, 200)] = False
         seconds, values = seconds[keep] + rng.uniform(-4, 4, keep.sum()), values[keep]
         values[5000:5003] = np.nan
-    whole = allan_deviation(regular_cells(seconds, values, STEP), STEP)
-    stream = AllanStream(STEP, n, n, most=most)
-    for start in range(0, len(values), 777):
-        stream.add("run", seconds[start : start + 777], values[start : start + 777])
-    found = stream.result()
-    np.testing.assert_allclose(found.averaging_times, whole.averaging_times, rtol=1e-12)
-    tolerance = 1e-9 if most > n else 0.01  # a sixteenth of an interval's width at the shortest of them
-    np.testing.assert_allclose(found.deviation, whole.deviation, rtol=tolerance)
-    if most < n:
-        assert stream.factor == 16
-        fine = found.averaging_times < 16 * stream.factor * STEP
-        np.testing.assert_allclose(found.deviation[fine], whole.deviation[fine], rtol=1e-9)
-
-
-def test_a_very_long_gap_and_a_new_run_begin_a_piece():
-    values = series("white", 900)
-    stream = AllanStream(1.0, 900, 300)
-    stream.add(1, np.r_[0:300, 5000:5300].astype(float), values[:600])
-    stream.add(2, np.arange(300.0), values[600:])
-    np.testing.assert_allclose(
-        stream.result().deviation, allan_deviation(np.split(values, 3), 1.0).deviation, rtol=1e-12
-    )
+    (found,) = regular_cells(np.zeros(len(values), int), seconds, values, STEP, n)
+    np.testing.assert_allclose(found, cells(seconds, values, STEP), rtol=1e-12)
 
 
 @pytest.mark.parametrize("far", [1e9, 1e19, 1e39])
-def test_a_last_row_far_behind_the_others_is_a_piece_of_its_own(far):
-    values = series("white", 300)
-    stream = AllanStream(1.0, 300, 300)
-    stream.add(1, np.r_[0:299, far], values)
-    np.testing.assert_allclose(stream.result().deviation, allan_deviation(values[:299], 1.0).deviation, rtol=1e-12)
+def test_a_very_long_gap_and_a_new_run_begin_a_piece(far):
+    values = series("white", 900)
+    seconds = np.r_[0:300, 5000:5300, 0:299, far].astype(float)
+    found = regular_cells(np.repeat([0, 1], [600, 300]), seconds, values, 1.0, 300)
+    assert [len(piece) for piece in found] == [300, 300, 299, 1]
+    np.testing.assert_array_equal(np.concatenate(found), values)
 
 
 def test_a_record_with_a_last_row_far_behind_the_others_has_a_deviation():
@@ -359,18 +337,6 @@ def test_overlapping_deviation_to_the_last_digit_printed(name):
         assert found.n.tolist() == [len(y) + 1 - 2 * m for m in AVERAGED[name]]
     halves = allan_deviation([y, y + 7.0], 1.0, AVERAGED[name])  # two pieces with the same differences
     assert printed(halves.deviation) == OVERLAPPING[name]
-
-
-@pytest.mark.parametrize("most", [1 << 20, 64])
-def test_a_stream_of_the_thousand_points_to_the_last_digit_printed(most):
-    """Also where only 64 cells are held, in averages over 16: averages below 256 cells are compared as they pass."""
-    y = frequencies("1000 points")
-    stream = AllanStream(1.0, len(y), len(y), "log", most=most)
-    for start, end in pairwise([0, 1, 2, 70, 77, 500, 999, 1000]):
-        stream.add("run", np.arange(start, end, dtype=float), y[start:end])
-    found = stream.result()
-    chosen = np.isin(found.averaging_times, AVERAGED["1000 points"])
-    assert printed(found.deviation[chosen]) == OVERLAPPING["1000 points"]
 
 
 def test_freedom_and_interval_of_the_thousand_points():

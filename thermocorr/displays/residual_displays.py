@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ..equations import AllanDeviation, AllanStream, allan_deviation
+from ..equations import AllanDeviation, allan_deviation, regular_cells
 from ..estimators.time_constants.search import CONFIDENCE_95
 from ..records import Log, Record
 from ..records.errors import printable
@@ -67,7 +67,7 @@ class ResidualsDisplay(Display):
     def from_estimator(
         cls, model: Any, X: Any, y: Any, diagnosis: Any = None, *, uncertainty: bool = False
     ) -> ResidualsDisplay:
-        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class ResidualLoopDisplay(Display):
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any) -> ResidualLoopDisplay:
-        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record.
 
         Parameters
         ----------
@@ -367,7 +367,7 @@ class AllanDisplay(Display):
     def from_estimator(
         cls, model: Any, X: Any, y: Any, *, averaging_times: str = "octave", confidence: float = 0.95
     ) -> AllanDisplay:
-        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record.
 
         Parameters
         ----------
@@ -381,14 +381,17 @@ class AllanDisplay(Display):
         """
         walk = Walk(model, X, y)
         step = cell_length(walk.record)
-        gap = max(walk.n_rows, 1)
-        length = min(walk.record.times.between(*_ends(walk)) / step, walk.n_rows * (gap + 1))  # longer gaps are cut out
-        n_cells = max(int(length), walk.n_rows)
-        streams = [AllanStream(step, n_cells, gap, averaging_times, confidence) for _ in range(2)]
-        for part in walk.parts():
-            for stream, values in zip(streams, (part.measured, walk.corrected(part)), strict=True):
-                stream.add(walk.timeline.runs[part.segment], part.seconds, values)
-        before, after = (stream.result() for stream in streams)
+        parts = [(part, walk.corrected(part)) for part in walk.parts()]
+        pieces = np.concatenate([np.full(len(part.seconds), part.segment) for part, _ in parts])
+        piece = pd.factorize(pd.Series(walk.timeline.runs, dtype=object))[0][pieces]
+        seconds = np.concatenate([part.seconds for part, _ in parts])
+        gap = max(walk.n_rows // 100, 1000)  # a longer one begins another piece
+        before, after = (
+            allan_deviation(
+                regular_cells(piece, seconds, np.concatenate(values), step, gap), step, averaging_times, confidence
+            )
+            for values in ([part.measured for part, _ in parts], [corrected for _, corrected in parts])
+        )
         reading = walk.model.reading_
         return cls(
             before=before,
@@ -441,9 +444,3 @@ def cell_length(record: Record) -> float:
     usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
     # Step that nine in ten do not exceed, over the usual one, above which steps differ much
     return wide if wide > 1.5 * usual else usual
-
-
-def _ends(walk: Walk) -> tuple[float, float]:
-    """Stamps of the last and of the first row."""
-    stamps = [walk.record.stamp(k) for s in walk.record.segments for k in (s.start, s.stop - 1)]
-    return max(stamps), min(stamps)

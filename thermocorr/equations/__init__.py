@@ -1,13 +1,12 @@
 """Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
 
-from .allan import AllanDeviation, AllanStream, allan_deviation
+from .allan import AllanDeviation, allan_deviation, regular_cells
 from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences
 from .leastsquares import RidgeSolution, TriangularFactor, solve_ridge
 from .statistics import MovingAverage, moving_average, reduction_db
 
 __all__ = [
     "AllanDeviation",
-    "AllanStream",
     "LagState",
     "MovingAverage",
     "RidgeSolution",
@@ -19,5 +18,6 @@ __all__ = [
     "lag_differences",
     "moving_average",
     "reduction_db",
+    "regular_cells",
     "solve_ridge",
 ]
