@@ -299,8 +299,6 @@ def test_the_workbench_takes_a_model_of_several_thermometers(device):
     bench = bench_of(DynamicBiasRegressor(["case", "room"]), X[:3000], y[:3000])
     assert bench.problem is None or not bench.problem
     assert bench.fit().model.residual_std_ < 0.012
-    with pytest.raises(ValueError, match="a model with a prior has no place on it"):
-        bench_of(DynamicBiasRegressor("case", prior={}), X, y)
 
 
 def late_humidity(seed, n=9000):

@@ -1,40 +1,14 @@
-"""What is no record, no fleet and no file is refused by its kind, in one sentence."""
+"""What is no record and no file is refused by its kind, in one sentence."""
 
 import pytest
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, diagnose
-from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
 
 
 @pytest.fixture(scope="module")
 def record():
     return make_record(1200, seed=3)
-
-
-@pytest.fixture(scope="module")
-def fleet():
-    return {f"box {i}": make_record(600, seed=i, device="box")[["temperature", "reading"]] for i in range(2)}
-
-
-@pytest.mark.parametrize("shared", [False, True])
-def test_a_device_without_the_reading_is_named(fleet, shared):
-    model = DynamicBiasRegressor("temperature", 2 if shared else ["5 min"])
-    bad = fleet | {"box 7": fleet["box 0"].rename(columns={"reading": "R"})}
-    with pytest.raises(
-        RecordError, match=r"Device 'box 7': There is no reading 'reading' in the data. Its columns are"
-    ):
-        fit_fleet(1, bad, "reading", model, shared_time_constants=shared)
-    with pytest.raises(RecordError, match="Device 'box 7': There is no file"):
-        fit_fleet(1, fleet | {"box 7": "no.parquet"}, "reading", model)
-
-
-def test_devices_without_names_and_workers_that_are_none_are_refused(fleet):
-    with pytest.raises(TypeError, match=r"a dict of name to record. Got a list: give each device its name"):
-        fit_fleet(1, list(fleet.values()), "reading")
-    for workers in (0, "two", 1.5, True):
-        with pytest.raises(ValueError, match=f"must be a number of processes .* Got {workers!r}"):
-            fit_fleet(workers, fleet, "reading")
 
 
 @pytest.mark.parametrize(

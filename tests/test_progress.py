@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, refine
-from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
 from thermocorr.estimators.progress import reporting
 from thermocorr.validation import held_out_residuals
@@ -36,11 +35,6 @@ def test_each_piece_of_work_is_told_once(log):
     said.clear()
     compare_variants(*log, model=MODEL, n_blocks=3, progress=said.append)
     assert len(said) == 4 * (1 + 3) + 1
-    said.clear()
-    record = make_record(1200, seed=5).reset_index()
-    fit_fleet(1, {"a": record, "b": record}, "reading", DynamicBiasRegressor("temperature", ["5 min"], time="time"),
-              shrinkage=False, progress=said.append)  # fmt: skip
-    assert said == ["device a", "device b"]
 
 
 def test_a_bar_is_drawn_in_a_terminal_and_counts_to_its_end(log, monkeypatch):

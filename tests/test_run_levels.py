@@ -17,7 +17,6 @@ from thermocorr import (
     load_model,
     save_model,
 )
-from thermocorr.cluster.fleet import fit_fleet
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Covariate, Step
 from thermocorr.estimators.averages import rms
@@ -181,16 +180,6 @@ def test_a_run_without_readings_in_between_gets_no_level_of_its_own():
     y = pd.concat([y[:3000], pd.Series(np.nan, between.index), y[3000:]])
     model = fitted(X, y)
     assert len(model._run_levels.times) == 1
-
-
-def test_a_fleet_that_shares_time_constants_knows_the_levels():
-    devices = {}
-    for name, apart in (("near", 0.0), ("far", 4000.0)):
-        X, y = two_runs(apart)
-        devices[name] = X.assign(reading=y)
-    model = DynamicBiasRegressor("temperature", 2, run="run")
-    fleet = fit_fleet(1, devices, "reading", model, shared_time_constants=True)
-    assert fleet["far"].residual_std_ < 1.05 * NOISE
 
 
 def test_an_error_on_a_run_whose_level_is_unknown_does_not_count():

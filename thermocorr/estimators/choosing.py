@@ -136,7 +136,7 @@ def choose(
 ) -> TimeConstantChoice | None:
     """Choose the time constants of an unfitted model from a record; None where they are given."""
     count = count_to_choose(model.time_constants)
-    if count == 0 or model.prior is not None:
+    if count == 0:
         return None
     say("choosing time constants")
     further = Thermometers.of(model.temperature).further

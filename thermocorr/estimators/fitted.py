@@ -27,7 +27,6 @@ from .features import DiffusiveFeatures
 from .fitting import standard_errors
 from .input_errors import MOST_SPOILT, SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .learned_ranges import learned_ranges
-from .prior import Law, law_of
 from .progress import one_blas_thread
 from .reading import Reading, like, no_flags
 from .tables import coefficient_table, distinct, equation_text
@@ -110,42 +109,19 @@ class FittedModel:
         """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`.
 
         With `combinations` of shape (k, n_columns) those of linear combinations of `coef_`, shape (k,). Raises
-        ValueError for a slim model, or one read from a file, which do not hold the factors of their record.
+        ValueError for one read from a file, which does not hold the factors of its record.
         """
         check_is_fitted(self, "pipeline_")
         if combinations is None and hasattr(self, "_known_standard_errors"):
             return self._known_standard_errors
         if not hasattr(self, "_swept"):
-            raise ValueError(
-                "A slim model, or one read from a file, does not hold the factors of its record. Fit it again."
-            )
+            raise ValueError("A model read from a file does not hold the factors of its record. Fit it again.")
         with one_blas_thread():
             if combinations is not None:
                 rows = np.column_stack((np.zeros(len(combinations)), combinations))
                 return standard_errors(self._swept, self._solution, self.alpha_, rows)
             self._known_standard_errors = standard_errors(self._swept, self._solution, self.alpha_)
         return self._known_standard_errors
-
-    def _law(self) -> Law:
-        """The coefficients without those of starts and steps, and how well the record determines them.
-
-        Raises ValueError for a model read from a file, which has forgotten it.
-        """
-        check_is_fitted(self, "pipeline_")
-        if hasattr(self, "_known_law"):
-            kept: Law = self._known_law
-            return kept
-        if not hasattr(self, "_swept"):
-            raise ValueError("A model read from a file does not know how well its record determined it. Fit it again.")
-        effects, errors = self.features_.effect_list(), self._standard_errors()
-        return law_of(
-            effects,
-            self._swept,
-            self._solution,
-            errors,
-            reference_temperature=float(self.features_.reference_temperature_),
-            temperature_range=self.reading_.temperature_range,
-        )
 
     def equation(self) -> str:
         """The fitted formula as text."""

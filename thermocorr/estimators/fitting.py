@@ -100,8 +100,6 @@ class Swept:
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
     binned: Binned | None = None
     """The record, averaged over short stretches; None where nobody gathered it."""
-    prior: TriangularFactor | None = None
-    """Rows that stand for what is known beside the record."""
     known_total: TriangularFactor | None = None
     """Factor of all chunks; None where nobody made it."""
     bordered: BorderedFactor | None = None
@@ -130,12 +128,11 @@ class Swept:
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
-        swept = self.chunks if self.known_total is None else [self.known_total]
-        return TriangularFactor.merged([*swept, *([] if self.prior is None else [self.prior])])
+        return TriangularFactor.merged(self.chunks if self.known_total is None else [self.known_total])
 
     def solution(self, alpha: float) -> RidgeSolution:
         """Ridge least squares of all rows."""
-        found = None if self.bordered is None or self.prior is not None else self.bordered.solution(alpha)
+        found = None if self.bordered is None else self.bordered.solution(alpha)
         return solve_ridge(self.total(), alpha) if found is None else found
 
 
@@ -264,8 +261,7 @@ def standard_errors(
     norms = np.linalg.norm(swept.total().r[:, 1:-1], axis=0)
     last = len(norms) + 1
     estimates = np.tile(np.concatenate(([solution.intercept], solution.coef)), (len(chunks), 1))
-    known_before = TriangularFactor(last + 1) if swept.prior is None else swept.prior
-    for rest, estimate in zip(_each_left_out(chunks, known_before), estimates, strict=True):
+    for rest, estimate in zip(_each_left_out(chunks, TriangularFactor(last + 1)), estimates, strict=True):
         # A start-up decay that only the chunk left out has seen keeps its estimate: the rest cannot say anything on it.
         seen = np.flatnonzero(np.linalg.norm(rest.r[:, 1:-1], axis=0) > 0.01 * norms) + 1
         part = solve_ridge(rest.select([0, *seen, last]), alpha)

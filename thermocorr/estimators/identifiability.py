@@ -14,7 +14,6 @@ from ..equations import RidgeSolution
 from ..records import Record
 from .coverage import flat_columns
 from .learned_ranges import one_way
-from .prior import LawPrior, check_like
 from .reading import Reading
 from .time_constants.search import unresolved
 
@@ -73,11 +72,10 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
     ]
 
 
-def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPrior | None) -> list[str]:
+def doubts_of(model: Any, record: Record, solution: RidgeSolution) -> list[str]:
     """Warnings for the user of a fitted model.
 
-    `model` (DynamicBiasRegressor). `record` (Record): What it was fitted to. `solution` (RidgeSolution). `prior`
-    (LawPrior, optional): What other devices told of this one.
+    `model` (DynamicBiasRegressor). `record` (Record): What it was fitted to. `solution` (RidgeSolution).
     """
     said = [model._run_levels.note] if model._run_levels.note else []
     if model.degree_ < model.degree:
@@ -87,9 +85,6 @@ def doubts_of(model: Any, record: Record, solution: RidgeSolution, prior: LawPri
             f"The temperatures lie at too few levels to determine {powers} in the static law: left out. Rows between "
             "them are flagged. Record at more levels, or ramp through them."
         )
-    if prior is not None:
-        mean = record.moments(record.temperature_name).mean
-        return [*said, *filter(None, [check_like(prior, mean, model.residual_std_)])]
     effects, taus = model.features_.effect_list(), model.time_constants_
     said += one_way(record, model.thermometers_)
     if model.search_ is None and len(taus):

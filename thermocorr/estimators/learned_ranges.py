@@ -24,12 +24,10 @@ measured records 544 rows lie beyond, and 525 of them are wrong by five or more;
 def learned_ranges(model: Any) -> np.ndarray:
     """Least and greatest share of each effect of a fitted model, `MARGIN` wider, shape (n_effects, 2).
 
-    Infinite for effects of time alone, for those that `correct` keeps, for the static law, whose temperatures have a
-    range of their own, and where other devices told of this one.
+    Infinite for effects of time alone, for those that `correct` keeps, and for the static law, whose temperatures have
+    a range of their own.
     """
     effects = model.features_.effect_list()
-    if model.prior is not None:
-        return np.array([[-np.inf, np.inf]] * len(effects))
     found = np.array([[np.inf, -np.inf]] * len(effects))
     record = model.features_.history_.record
     for _, parts in model._weighed(walk(effects, record, starts=own_starts(record))):

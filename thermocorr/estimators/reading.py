@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -145,11 +145,6 @@ class Reading:
             found |= (temperature > low) & (temperature < high)
         return np.asarray(found)
 
-    def widened(self, temperatures: tuple[float, float]) -> Reading:
-        """Names and ranges with a range of temperatures that takes in another one."""
-        (low, high), (lowest, highest) = self.temperature_range, temperatures
-        return replace(self, temperature_range=(min(low, lowest), max(high, highest)), temperature_gaps=())
-
 
 def unit_by_size(low: float) -> str:
     """The unit that temperatures of no named unit, of which `low` is the least, are taken for."""
@@ -157,13 +152,10 @@ def unit_by_size(low: float) -> str:
     return "K" if low > 150.0 else "degC"
 
 
-def check_plausible(record: Record, reading: Reading, known_before: bool = False) -> None:
-    """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading.
-
-    Where its effect is known before, it need not change.
-    """
+def check_plausible(record: Record, reading: Reading) -> None:
+    """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading."""
     low, high = reading.temperature_range
-    if reading.n_readings > 1 and is_flat(low, high) and not known_before:
+    if reading.n_readings > 1 and is_flat(low, high):
         raise RecordError(
             f"The temperature never changes{flat_text(low, high, record.n_used)}. Nothing can be learned about its "
             f"effect. Is {quoted(record.temperature_name)} the right column?"

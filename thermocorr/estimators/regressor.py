@@ -25,7 +25,6 @@ from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, Swept, require_rows, standard_errors, sweep_effects
 from .identifiability import doubts_of
 from .input_errors import readings_left_out
-from .prior import LawPrior, known_before
 from .progress import one_blas_thread, printed
 from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
@@ -67,10 +66,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     run : str, optional
         Column with the label of a run. Each run has a level (U0) of its own, which `correct` keeps; runs must not
         overlap in time. Where runs measure the same quantity, leave it out: a gap starts a new segment.
-    prior : fitted models of a fleet, or LawPrior, optional
-        What like devices tell of this one: their time constants, T0, and the distribution of their coefficients, from
-        which this device's own are taken to be drawn. An hour of a new unit is enough then. See
-        `thermocorr.estimators.prior.LawPrior`.
     reference : str, optional
         Column of a better instrument that measures the same quantity, in the unit of y. What is learned is how much the
         readings differ from it, U0 included: `correct` gives what the reference would have shown, and needs it no more.
@@ -145,7 +140,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         max_gap: Any = None,
         fill: Any = None,
         reference: Any = None,
-        prior: Any = None,
         verbose: int = 0,
     ):
         self.temperature = temperature
@@ -164,7 +158,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.max_gap = max_gap
         self.fill = fill
         self.reference = reference
-        self.prior = prior
         self.verbose = verbose
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, *, mask: Any = None) -> DynamicBiasRegressor:
@@ -201,17 +194,17 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
             self.search_ = choose(self, record, reading, say)
-            believed, prior = self._learn(reader, record, reading, say)
-            covered = Coverage.of(record, self.degree if prior is None else 0)
-            if prior is None and covered.degree < self.degree and not self._knows_highest_power():
+            believed = self._learn(reader, record, reading, say)
+            covered = Coverage.of(record, self.degree)
+            if covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
                 self.search_ = choose(self, record, reading, say)
-                believed, prior = self._learn(reader, record, reading, say)
+                believed = self._learn(reader, record, reading, say)
             if self.search_ is not None and believed is not record:  # the first choice had to use all readings
                 self.search_ = choose_again(self, believed, say)
-                believed, prior = self._learn(reader, record, reading, say)
+                believed = self._learn(reader, record, reading, say)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
-        self._conclude(record, believed, prior)
+        self._conclude(record, believed)
         return self
 
     def _knows_highest_power(self) -> bool:
@@ -220,32 +213,28 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
-    def _learn(
-        self, reader: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]
-    ) -> tuple[Record, LawPrior | None]:
-        """Learn the coefficients; returns the record without spoilt readings, and what was known before."""
+    def _learn(self, reader: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]) -> Record:
+        """Learn the coefficients; returns the record without spoilt readings."""
         time_constants = self.time_constants if not self.search_ else self.search_.parameter
         features = self._unfitted_features(time_constants).taking(reader)
-        prior = known_before(self, features)
         features.learn_from(record)
         n_columns = sum(effect.n_columns() for effect in features.effect_list())
-        if prior is None:
-            require_rows(reading.n_readings, n_columns)
-        check_plausible(record, reading, prior is not None)
-        self.reading_ = reading if prior is None else reading.widened(prior.temperature_range)
+        require_rows(reading.n_readings, n_columns)
+        check_plausible(record, reading)
+        self.reading_ = reading
         self.alpha_ = penalty(self)
         say(f"fitting {n_columns} columns to {reading.n_readings} readings")
-        self._solve(record, features, prior)
+        self._solve(record, features)
         believed = self._without_spoilt(record)  # what filled cells and gaps spoil is known now
         if believed is not record:
-            self._solve(believed, features, prior)
-        return believed, prior
+            self._solve(believed, features)
+        return believed
 
-    def _conclude(self, record: Record, believed: Record, prior: LawPrior | None) -> None:
+    def _conclude(self, record: Record, believed: Record) -> None:
         """Doubts about what was learned, and the names of the columns it was learned from."""
-        for of_old_fit in ("_known_standard_errors", "_known_errors", "_known_ranges", "provenance_", "_known_law"):
+        for of_old_fit in ("_known_standard_errors", "_known_errors", "_known_ranges", "provenance_"):
             self.__dict__.pop(of_old_fit, None)
-        doubts = [*doubts_of(self, record, self._solution, prior), *readings_left_out(record, believed)]
+        doubts = [*doubts_of(self, record, self._solution), *readings_left_out(record, believed)]
         for text in doubts:
             warn(text)
         self.notes_ = (*record.notes, *doubts)
@@ -256,8 +245,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def without_effect(self, name: str) -> DynamicBiasRegressor:
         """A copy without one of its `effects`, fitted to the same rows with the same time constants and penalty.
 
-        It is solved from factors of the record, without another look at the data. Where this model is not fitted, has a
-        prior, was read from a file, or fills cells by that effect's column, the copy is unfitted.
+        It is solved from factors of the record, without another look at the data. Where this model is not fitted, was
+        read from a file, or fills cells by that effect's column, the copy is unfitted.
 
         Parameters
         ----------
@@ -270,7 +259,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             For a name that none of them has.
         """
         model: DynamicBiasRegressor = super().without_effect(name)
-        if not hasattr(self, "_swept") or self.prior is not None:
+        if not hasattr(self, "_swept"):
             return model
         features = self.features_
         at = [given for given, _ in features.effects_].index(name)
@@ -382,12 +371,10 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         low, high = self.reading_.temperature_range
         return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
 
-    def _solve(self, record: Record, features: DiffusiveFeatures, prior: LawPrior | None) -> None:
+    def _solve(self, record: Record, features: DiffusiveFeatures) -> None:
         """Learn the coefficients from a record."""
         self._swept = sweep_effects(record, features.effect_list(), equal_edges(record))
-        if prior is not None:
-            self._swept.prior = prior.rows(features.effect_list(), features.thermometers().further)
-        if prior is not None or record.weight is not None:  # the noise is not that of the bins
+        if record.weight is not None:  # the noise is not that of the bins
             self._swept.binned = None
         features.remember(record, self._swept.end_states)
         self._take(features, self._swept)

@@ -12,7 +12,6 @@ from ..effects import StaticPolynomial, ThermalLag
 from ..effects.stream import needed_columns
 from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
-from ..estimators.prior import LawPrior
 from ..estimators.run_levels import RunLevels
 from ..estimators.thermometers import Thermometer, Thermometers
 from ..foreign.how import FORM
@@ -228,7 +227,6 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
             key: pack(value, f"the parameter {key!r}", codec.pack_effect)
             for key, value in {
                 **model.get_params(deep=False),
-                "prior": _plain_prior(model.prior),
                 "temperature": Thermometer.plain(model.temperature),
             }.items()
         },
@@ -251,11 +249,6 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "filling": pack_filling(features.filling_),
         "errors": pack_errors(model._joint_errors(), features.effect_list(), codec) if model._knows_noise else None,
     }
-
-
-def _plain_prior(prior: Any) -> dict[str, Any] | None:
-    found = LawPrior.given(prior)
-    return None if found is None else found.as_dict()
 
 
 def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegressor:
@@ -282,7 +275,6 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
             text(item[0], f"{where}.parameters.effects[{i}]")
     try:
         as_effects(model.effects)
-        LawPrior.given(model.prior)
         for key in ("sampling_period", "max_gap"):
             value = parameters[key]
             if value is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -153,27 +152,8 @@ class SignedModel(FittedModel):
 
     @property
     def _knows_noise(self) -> bool:
-        """True if the model can tell uncertainties: not if it was fitted with weights or with a fleet as prior."""
+        """True if the model can tell uncertainties: not if it was fitted with weights."""
         return hasattr(self, "_known_errors") or getattr(getattr(self, "_swept", None), "binned", None) is not None
-
-    def _slim(self, history_rows: int = 100) -> Any:
-        """Forget the fitted record but for that many rows: small to send and to keep, as a model read from a file.
-
-        Later rows are corrected as ever, uncertainties and standard errors included; rows that repeat the fitted record
-        find their states from the rows that are kept. Errors of further combinations need the record.
-        """
-        if history_rows < 1:
-            raise ValueError(f"The 'history_rows' parameter must be at least 1. Got {history_rows!r} instead.")
-        self._standard_errors()
-        if self._knows_noise:
-            errors = self._joint_errors()
-            self._known_errors = replace(errors, history=errors.history.thinned(history_rows))
-        features = self.features_
-        features.history_ = features.history_.thinned(history_rows)
-        if hasattr(self, "_swept"):
-            self._known_law = self._law()
-            del self._swept
-        return self
 
     def _joint_errors(self) -> JointErrors:
         """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""

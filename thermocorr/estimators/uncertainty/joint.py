@@ -217,8 +217,8 @@ def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
 
 
 UNKNOWN = (
-    "This model does not know the noise of the record it was fitted to: it was fitted with a fleet as its prior, or to "
-    "readings with weights. Fit it again, to a record of its own without weights, to have uncertainties."
+    "This model does not know the noise of the record it was fitted to: it was fitted to readings with weights. Fit it "
+    "again without weights to have uncertainties."
 )
 
 

@@ -75,8 +75,6 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     temperature = str(frame.columns[0] if ambient is None else ambient)
     time, run = (None if column is None else str(column) for column in (model.time, model.run))
     base, given, taus = clone(model), as_effects(model.effects), model.time_constants
-    if model.prior is not None:
-        raise ValueError("The workbench fits a record by itself: a model with a prior has no place on it.")
     if further:  # the bench has one, and the others as effects
         features = clone(model).fit(X, y).features_
         given, taus = features.further_effects(), features.thermometers().split(features.time_constants)[0]

@@ -1,1 +1,0 @@
-"""Floor 4: one model for each of many devices."""
