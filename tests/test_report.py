@@ -13,11 +13,12 @@ import pandas as pd
 import pytest
 from browser import complaints, numbers, opened, prefer, requests, resize, series
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
+from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.estimators.tables import VERDICTS
 from thermocorr.pages import Answer, PageData, page
+from thermocorr.pages.chapters import variants
 from thermocorr.pages.report import write_report
 
 SINGLE = 6e-8
@@ -362,3 +363,13 @@ def test_the_command_writes_the_report(tmp_path, capsys):
     assert "Static and dynamic" in html and "thermocorr analyze" in html and "<i>.csv" not in html
     assert main(["analyze", str(log), *options, "--report", str(tmp_path)]) == 2  # a folder
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_each_row_of_the_comparison_has_a_cell_for_each_heading():
+    record = make_record(1500, seed=1)
+    compared = compare_variants(record[["temperature"]], record["reading"], temperature="temperature", n_blocks=2)
+    tables = re.findall(r"<table.*?</table>", str(variants(compared, "Corrections").body), re.S)
+    for table in tables:
+        widths = {len(re.findall("<t[hd]", row)) for row in re.findall(r"<tr.*?</tr>", table, re.S)}
+        assert len(widths) == 1
+    assert len(tables) == 2

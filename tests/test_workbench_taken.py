@@ -13,6 +13,7 @@ from benches import settled, stretch
 from thermocorr import load_model
 from thermocorr.datasets import make_record
 from thermocorr.files.codec import ModelFileError
+from thermocorr.foreign.how import HowToRead
 from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
@@ -181,3 +182,14 @@ def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
         broken.write_text(content)
         with pytest.raises(RecordError, match=sentence):
             effects_in(broken)
+
+
+def test_the_corrected_log_lacks_the_rows_that_were_left_out(tmp_path):
+    record = make_record(600, seed=1).reset_index()[["time", "temperature", "reading"]]
+    doubled = pd.concat([record, record[100:103]]).sort_values("time", kind="stable")
+    doubled.to_csv(tmp_path / "log.csv", index=False)
+    source = opened([tmp_path / "log.csv"], HowToRead(drop_duplicates=True))
+    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame))
+    bench.start()
+    written = pd.read_csv(taken(bench, "corrected", tmp_path))
+    assert written["time"].tolist() == record["time"].astype(str).tolist() and written["corrected"].notna().all()

@@ -78,14 +78,16 @@ class ReadLog:
 
         Raises RecordError for times that can be read in two ways, or not at all.
         """
-        table = self.table
-        if len(self.files) == 1:
-            table = with_times(table, time, self.how)
+        table = self.timed_table(time)
         frame = table.frame
         if time is not None:
             frame = frame.assign(**{time: dates_once(frame[time])})
             frame.attrs = dict(self.frame.attrs)
         return frame, table.said
+
+    def timed_table(self, time: str | None) -> ForeignTable:
+        """The log with its times understood, without the rows that its reader was asked to leave out."""
+        return with_times(self.table, time, self.how) if len(self.files) == 1 else self.table
 
     def node(self) -> dict[str, Any]:
         """The log as a session file names it."""

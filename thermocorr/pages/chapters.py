@@ -257,7 +257,8 @@ def steps_scale(refinement: Any) -> Scale:
 
 def variants(comparison: VariantComparison, title: str) -> Section:
     """Static and dynamic, linear and nonlinear: on the fitted record, then on data that the fits did not see."""
-    figures, names, scale = comparison.frame(), comparison.formatted().columns, comparison.scale()
+    names, scale = comparison.formatted().columns, comparison.scale()
+    figures = comparison.frame().iloc[:, : len(names)]  # without those of the noise, which have other units
     middle = len(names) // 2
     tables = []
     for chosen in (slice(0, middle), slice(middle, None)):
