@@ -7,7 +7,6 @@ from sklearn.exceptions import NotFittedError
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, compare_variants, diagnose, refine
 from thermocorr.datasets import load_real_record, make_record
-from thermocorr.displays import AllanDisplay
 from thermocorr.effects import Covariate, LaggedCovariate
 from thermocorr.equations import allan_deviation
 from thermocorr.estimators import MergedRidge
@@ -162,10 +161,6 @@ CASES = {
     "sets and times as candidates": (lambda: search(candidates=[300.0, [3.0]]), "'candidates' parameter.*300"),
     "confidence in percent": (lambda: allan_deviation(np.arange(9.0), confidence=95), "'confidence' parameter.*95"),
     "negative sampling period": (lambda: allan_deviation(np.arange(9.0), -1.0), "'sampling_period' parameter.*-1"),
-    "times of a streamed deviation": (
-        lambda: AllanDisplay.from_estimator(model, X, Y, averaging_times=[60.0]),
-        "'averaging_times' parameter.*60",
-    ),
     "continues in words": (lambda: OnlineCorrector(model, continues="False"), "'continues' parameter.*'False'"),
     "simulated record without a start": (lambda: make_record(9, start=None), "'start' parameter.*None"),
     "simulated record of one row": (lambda: make_record(1), "'n' parameter.*Got 1"),

@@ -282,7 +282,7 @@ def test_the_refined_model_is_the_first_thing_that_terminal_page_and_json_say(ca
     assert len(lines) <= 16 and max(map(len, lines)) <= 100
     first = " ".join(line.strip() for line in lines[:2])
     assert first.startswith(
-        "Use the refined correction, dynamic linear with lagged covariate: humidity: it leaves 59.2 nV"
+        "Use the refined correction, dynamic linear with lagged covariate: humidity, static polynomial: it leaves 59 nV"
     )
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)[0] == with_signs(first)
@@ -290,8 +290,8 @@ def test_the_refined_model_is_the_first_thing_that_terminal_page_and_json_say(ca
     assert re.findall('data-verdict="(.*?)"', anything) == ["nothing missing"] and "Add the effect" not in cure
     assert main([*command, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["choice"] == "refined" and answer["verdict"] == "nothing missing" and answer["small"] == 1
-    assert [cause["effect"] for cause in answer["causes"]] == ["lagged covariate: humidity"]
+    assert answer["choice"] == "refined" and answer["verdict"] == "nothing missing" and answer["small"] == 0
+    assert [cause["effect"] for cause in answer["causes"]] == ["lagged covariate: humidity", "static polynomial"]
     assert answer["error"]["after"] < 0.08 * answer["error"]["before"] and answer["error"]["unit"] == "mV"
 
 

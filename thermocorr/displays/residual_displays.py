@@ -365,7 +365,7 @@ class AllanDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls, model: Any, X: Any, y: Any, *, averaging_times: str = "octave", confidence: float = 0.95
+        cls, model: Any, X: Any, y: Any, *, averaging_times: Any = "octave", confidence: float = 0.95
     ) -> AllanDisplay:
         """Create it from a fitted model and a record.
 
@@ -374,8 +374,8 @@ class AllanDisplay(Display):
         model : DynamicBiasRegressor
             Fitted; or a search with a ``best_estimator_``.
         X, y : as for `DynamicBiasRegressor.evaluate_blocks`
-        averaging_times : {"octave", "log"}
-            Factors of 2 from one another, or eight per factor of 10.
+        averaging_times : {"octave", "log"} or sequence of float
+            Factors of 2 from one another, or eight per factor of 10; or the times themselves [s].
         confidence : float
             Probability of the bands.
         """

@@ -112,10 +112,11 @@ class Worth(NamedTuple):
     def adds(self, evenly: bool = False, twice: bool = False) -> bool:
         """True if it is worth adding: averages of one length are predicted better, and of neither worse.
 
-        What must help `evenly` may cost on no stretch more than half of what it gains in all. What is asked `twice`,
-        as it has a date, memory or a period, must gain on held-out blocks as well.
+        What must help `evenly` may cost short averages on no stretch more than half of what it gains in all. What is
+        asked `twice`, as it has a date, memory or a period, must gain on held-out blocks as well.
         """
-        return any(falls.adds(twice) and not any(each.costs(evenly) for each in self) for falls in self)
+        costs = self.short.costs(evenly) or self.long.costs(False)
+        return not costs and any(falls.adds(twice) for falls in self)
 
 
 class OutOfSample:

@@ -333,7 +333,7 @@ def taken(bench: Bench, kind: str, folder: Path) -> Path:
 def _corrected(bench: Bench, found: Fitted, path: Path) -> None:
     evaluated = found.model.evaluate(found.data.X, found.data.y, return_std=True)
     roles = found.arrangement.roles
-    written = bench.source.timed_table(roles and roles.time).as_it_came()
+    written = bench.source.timed_table(None if roles is None else roles.time).as_it_came()
     with Outputs(bench.source.files) as outputs:
         write_corrected(outputs, path.parent, written, evaluated, _has_index(bench))
 
