@@ -77,13 +77,12 @@ class Falls(NamedTuple):
         return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
     def adds(self, twice: bool) -> bool:
-        """True if the error falls by `GAIN` on later stretches, in most of them, and `twice` on held-out blocks."""
-        most = 2 * sum(fall > 0 for fall in self.each) > len(self.each) >= FEWEST_STRETCHES
-        return self.later >= GAIN and most and (self.blocks >= GAIN or not twice)
+        """True if the error falls by `GAIN` on later stretches, in most of them, and does not rise on held-out blocks.
 
-    def costs(self, evenly: bool) -> bool:
-        """True if the error rises by `GAIN` on the mean, or `evenly` on a stretch by half of what it falls in all."""
-        return min(self.later, self.blocks) < -GAIN or (evenly and min(self.each) < -max(self.later, 0.0) / 2)
+        What is asked `twice` must fall there by as much.
+        """
+        most = 2 * sum(fall > 0 for fall in self.each) > len(self.each) >= FEWEST_STRETCHES
+        return self.later >= GAIN and most and self.blocks >= (GAIN if twice else -GAIN)
 
 
 class Worth(NamedTuple):
@@ -110,13 +109,13 @@ class Worth(NamedTuple):
         return max(self, key=lambda falls: np.nan_to_num(min(falls.later, falls.blocks), nan=-np.inf))
 
     def adds(self, evenly: bool = False, twice: bool = False) -> bool:
-        """True if it is worth adding: averages of one length are predicted better, and of neither worse.
+        """True if it is worth adding: averages of either length are predicted better.
 
         What must help `evenly` may cost short averages on no stretch more than half of what it gains in all. What is
         asked `twice`, as it has a date, memory or a period, must gain on held-out blocks as well.
         """
-        costs = self.short.costs(evenly) or self.long.costs(False)
-        return not costs and any(falls.adds(twice) for falls in self)
+        even = not evenly or min(self.short.each, default=0.0) >= -max(self.short.later, 0.0) / 2
+        return even and any(falls.adds(twice) for falls in self)
 
 
 class OutOfSample:
