@@ -1,4 +1,4 @@
-"""What the record never showed is said: rows beyond what each effect made of the fitted record are flagged, everywhere."""
+"""What the record never showed is said: rows beyond what each effect made of the fitted record are flagged."""
 
 from pathlib import Path
 
