@@ -156,7 +156,7 @@ def size_text(suspect: Any, scale: Scale) -> str:
 
 
 def small_sentence(found: Any) -> str:
-    """Sentence on effects that are proven and not confirmed; empty where there are none."""
+    """Sentence on effects that are proven and not confirmed; empty without such effects."""
     if not found.small:
         return ""
     largest = sorted(found.small, key=lambda suspect: -suspect.size)

@@ -29,7 +29,7 @@ PROBED, LAGS, TOGETHER = 100_000, 14, 3
 LEVEL, LATEST, DRIFT = NEEDLESS = ("level", "latest level", "level and drift")
 """What needs no temperature: the mean of all readings so far, that of the last ones, a straight line."""
 SIMPLER = 1.0
-"""Fall of the error [dB] up to which the simpler of two corrections is advised."""
+"""The simpler of two corrections is advised unless the other lowers the error by more [dB]."""
 REFINED = "refined"
 """Choice of, and variant with, effects that were found to be missing."""
 
@@ -74,8 +74,8 @@ class Advice:
         """Range in which a later error of what is advised is to be expected.
 
         As far from the mean of later stretches as the least and the greatest error of these and of the longer
-        forecasts, and as far again: of fifty-two forecasts of measured records four in five lie inside, within the
-        least and the greatest three. NaN for fewer than three stretches: nobody knows.
+        forecasts, and as far again (`benchmarks/value.py --parts measured` counts how often it holds). NaN for fewer
+        than three stretches: nobody knows.
         """
         own = self.table.iloc[list(self.table.index).index(self.variant or min(NEEDLESS, key=self._of))]
         mean, each = float(own["all"]), own.drop("all").dropna().to_numpy(float)

@@ -25,6 +25,7 @@ from ..effects import (
 )
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
+from ..estimators.averages import key_of
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
 from ..estimators.progress import one_blas_thread
 from ..estimators.regressor import DynamicBiasRegressor
@@ -244,7 +245,12 @@ def diagnose(
         record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
         pool = Pool(model, record, base, candidates)
-        pool.explanations = [each for each in pool.explanations if each.in_model or is_shown(pool, each.effect)]
+        asked = {key_of(effect) for effect in given_effects(suspects)}  # these are tried, whatever the record shows
+        pool.explanations = [
+            each
+            for each in pool.explanations
+            if each.in_model or key_of(each.effect) in asked or is_shown(pool, each.effect)
+        ]
         search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
         search.run()
         terms = search.terms()

@@ -189,7 +189,7 @@ MOMENTS = 3.68
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
 LAG_POSSIBLE = 1.92
-"""Fall of the log likelihood up to which a lag is possible: 95 % (chi-square, one degree of freedom)."""
+"""A lag is possible where the log likelihood falls by no more: 95 % (chi-square, one degree of freedom)."""
 ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
 Explanations that are as good but say something else are further causes."""
