@@ -132,7 +132,6 @@ def test_a_record_says_which_time_constants_it_cannot_determine(lab):
     assert any("told apart" in note for note in model.notes_)
 
 
-@pytest.mark.xfail(strict=True, reason="levels of runs: the score of a run that was left out is about 2, not .2")
 def test_runs_are_groups():
     record = make_record(1500, runs=3, seed=2)
     X, y = record[["temperature", "run"]], record["reading"]

@@ -35,9 +35,12 @@ def test_numbers_on_the_screen_are_those_of_the_library(bench, bench_log):
 
 def test_what_is_missing_is_added_the_error_falls_and_undo_returns_to_the_same_bits(bench):
     before, coefficients = shown(bench), bench.current.model.coef_.copy()
+    card = snapshot(bench)["judged"]["suspects"][0]
     bench.perform({"do": "add", "suspect": 0})
     state = snapshot(settled(bench))
     first, last = state["history"]
+    assert [card["before"]["value"], card["after"]["value"]] == [first["later"]["value"], last["later"]["value"]]
+    assert not state["advised"]  # which was about the model before
     assert last["later"]["value"] < 0.7 * first["later"]["value"]
     assert last["db"]["value"] == pytest.approx(20 * np.log10(last["later"]["value"] / first["later"]["value"]))
     assert last["verdict"] == "nothing missing"
@@ -70,6 +73,23 @@ def test_errors_of_other_readings_are_not_compared_and_some_must_be_left(bench):
     bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.2, 0.3)})
     first, last = snapshot(settled(bench))["history"]
     assert first["same"] and not last["same"] and last["later"] and not last["db"]["value"]
+
+
+def test_errors_compare_behind_the_last_date_and_the_model_is_drawn_where_readings_are(tmp_path):
+    record = make_record(2000, effects={"step": 2.0}, seed=1)
+    record.loc[record.index[300:400], "reading"] = np.nan
+    path = tmp_path / "step.csv"
+    record.to_csv(path)
+    source = opened([path])
+    bench = settled(Bench(source, Store(tmp_path), roles=guessed(source.frame)))
+    bench.start()
+    card = snapshot(settled(bench))["judged"]["suspects"][0]
+    assert card["label"] == "step" and card["after"]["value"] < 0.6 * card["before"]["value"]
+    assert np.isnan(bench.store.get(bench.current.curves["model"])[300:400]).all()
+    bench.perform({"do": "add", "suspect": 0})
+    first, last = snapshot(settled(bench))["history"]
+    assert 0 < bench.moment < 1
+    assert [first["later"]["value"], last["later"]["value"]] == [card["before"]["value"], card["after"]["value"]]
 
 
 def test_a_step_in_the_middle_is_removed_and_the_others_stand(bench):

@@ -70,12 +70,17 @@ def fold_of(
 
 
 def solve_free(r: Floats, n_free: int, right: Floats) -> Floats:
-    """Coefficients of the free columns for given right-hand sides, smallest where they depend on each other."""
+    """Coefficients of the free columns for given right-hand sides, smallest where they depend on each other.
+
+    The 1 comes first: a column that is constant in what is learned, as the step of a run not seen, gets none.
+    """
     top = r[:n_free, :n_free]
-    diagonal = np.abs(np.diag(top))
-    if (diagonal > 1e-13 * np.linalg.norm(top, axis=0)).all():
+    norms = np.linalg.norm(top, axis=0)
+    if (np.abs(np.diag(top)) > 1e-13 * norms).all():
         return np.asarray(solve_triangular(top, right))
-    return np.asarray(np.linalg.lstsq(top, right, rcond=1e-13)[0])
+    scales = np.where(norms[1:] > 0, norms[1:], 1.0)
+    others = np.linalg.lstsq(top[1:, 1:] / scales, right[1:], rcond=1e-13)[0] / scales[:, None]
+    return np.vstack(((right[:1] - top[:1, 1:] @ others) / (top[0, 0] or 1.0), others))
 
 
 def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:

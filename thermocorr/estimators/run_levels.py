@@ -140,6 +140,12 @@ def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
     return np.asarray(~labels.isin(labels[np.isfinite(known)].unique()))
 
 
+def is_level(model: Any, effect: Effect) -> bool:
+    """True if an effect of a fitted model is the level of each run."""
+    times = model._run_levels.times
+    return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
+
+
 def level_variance(model: Any) -> float:
     """Variance of the levels of a fitted model's runs about the last one, which later rows get; 0 for one level.
 
@@ -150,8 +156,6 @@ def level_variance(model: Any) -> float:
         return 0.0
     effects = model.features_.effect_list()
     ends = np.cumsum([effect.n_columns() for effect in effects]).tolist()
-    last = max(
-        k for k, effect in enumerate(effects) if isinstance(effect, SeveralSteps) and tuple(effect.times) == times
-    )
+    last = max(k for k, effect in enumerate(effects) if is_level(model, effect))
     levels = np.concatenate(([0.0], np.cumsum(model.coef_[ends[last] - len(times) : ends[last]])))
     return float(np.sum((levels - levels[-1]) ** 2) / len(times))

@@ -18,7 +18,7 @@ from ..estimators.variants import variants_of
 from ..files.codec import fields, integer, number, text
 from ..files.effect_nodes import EffectCodec, import_path
 from ..judgement import diagnose
-from ..judgement.refine import with_missing
+from ..judgement.refine import with_fitted_causes, with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import (
@@ -103,8 +103,17 @@ class Bench:
         return self.kept.get(self.arrangement().key())
 
     def known(self, key: str) -> dict[str, Any]:
-        """Errors of an arrangement, known after its model has gone: rms, held_out, later, verdict."""
+        """Errors of an arrangement, known after its model has gone: rms, held_out, later, moment, verdict.
+
+        later: rms error on later stretches behind each moment that was asked about, see `moment`.
+        """
         return self._known.setdefault(key, {})
+
+    @property
+    def moment(self) -> float | None:
+        """Share of the record before the last date in the models of all steps, behind which their errors compare."""
+        moments = [self.known(self.arrangement(n).key()).get("moment") for n in range(1, len(self.acts) + 1)]
+        return max((moment for moment in moments if moment is not None), default=None)
 
     def fit(self, arrangement: Arrangement | None = None) -> Fitted:
         """The fitted arrangement, by default what stands on the bench; kept, or fitted anew."""
@@ -334,11 +343,12 @@ class Bench:
         self.advised[self.arrangement().key()] = advice
 
     def _missing_errors(self) -> Chore | None:
-        """Errors of earlier steps that were never on the bench as they stand, after one between them was removed."""
-        for count in range(1, len(self.acts)):
+        """Errors of steps that are not known yet: never on the bench as they stand, or not behind the last date."""
+        for count in range(1, len(self.acts) + 1):
             arrangement = self.arrangement(count)
             known = self.known(arrangement.key())
-            if arrangement.roles is not None and not {"held_out", "no errors"} & known.keys():
+            lacks = "no errors" not in known and self.moment not in known.get("later", {})
+            if arrangement.roles is not None and lacks:
                 return f"measuring the error after step {count}", partial(self._measure_step, arrangement)
         return None
 
@@ -350,13 +360,17 @@ class Bench:
             return
         if found.diagnosis is None:
             self._diagnose(found)
+        if found.diagnosis is not None and found.diagnosis.ahead is not None:
+            self.known(arrangement.key())["later"][self.moment] = found.diagnosis.ahead.later_rms(self.moment)
 
     def _diagnose(self, found: Fitted) -> None:
         X, y, known = found.data.X, found.data.learned, self.known(found.arrangement.key())
         try:
-            found.diagnosis = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
-            judged = found.diagnosis
-            known |= {"verdict": judged.verdict, "held_out": judged.held_out_rms, "later": judged.later_rms}
+            judged = quietly(lambda: diagnose(found.model, X, y, suspects=self.own))
+            found.diagnosis = judged = quietly(lambda: with_fitted_causes(judged, found.model, X, y))
+            assert judged.ahead is not None
+            known |= {"verdict": judged.verdict, "held_out": judged.held_out_rms, "moment": judged.moment}
+            known.setdefault("later", {})[judged.moment] = judged.ahead.later_rms(judged.moment)
         except Exception as error:  # effects of the user's own raise whatever they like
             found.said["diagnosis"] = known["no errors"] = sentence(error)
 

@@ -19,6 +19,7 @@ from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..estimators import DynamicBiasRegressor
 from ..estimators.averages import rms
+from ..estimators.run_levels import is_level
 from ..estimators.thermometers import Thermometers
 from ..files.effect_nodes import EffectCodec
 from ..judgement import Diagnosis
@@ -171,7 +172,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     walked = Walk(model, data.X, data.y)
     line = walked.timeline
     labels = walked.labels()
-    levels = next((k for k, effect in enumerate(model.features_.effect_list()) if _is_level(effect, model)), None)
+    levels = next((k for k, effect in enumerate(model.features_.effect_list()) if is_level(model, effect)), None)
     found: dict[str, list[np.ndarray]] = {}
     begins, count, last = [], 0, -1
     for part in walked.parts():
@@ -181,7 +182,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
             "row": np.asarray(np.arange(len(data.y))[part.rows], float),
             "temperature": part.temperature,
             "reading": part.measured,
-            "model": part.modelled,
+            "model": np.where(np.isfinite(part.measured), part.modelled, np.nan),  # not drawn where no reading is
             "corrected": walked.corrected(part),
             "residual": part.measured - part.modelled,
         }
@@ -201,12 +202,6 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
     arrays["begins"] = np.array(begins, float)
     arrays |= _conditions(model, walked.record, arrays["seconds"], line)
     return {name: store.put(array) for name, array in arrays.items()}, line
-
-
-def _is_level(effect: Effect, model: DynamicBiasRegressor) -> bool:
-    """True if an effect is the level of each run."""
-    times = model._run_levels.times
-    return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
 
 
 def _conditions(

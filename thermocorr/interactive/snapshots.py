@@ -137,18 +137,19 @@ def _said(bench: Bench, found: Fitted | None) -> list[str]:
 
 
 def _advised(bench: Bench) -> str:
-    """Sentence on which correction to use; "" where that is not known."""
-    advice = bench.advised.get(bench.arrangement(1).key())
-    later = bench.known(bench.arrangement(1).key()).get("later")
+    """Sentence on which correction to begin with; "" where that is not known, or an effect has been added since."""
+    advice = bench.advised.get(bench.arrangement().key())
     if advice is None:
         return ""
+    later = bench.known(bench.arrangement().key()).get("later", {}).get(None)
     return with_signs(printable(advice.sentence(None if later is None else scale_of([later], advice.unit))))
 
 
 def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
     """The steps with their errors, each against the first that has one and learns from the same readings."""
     errors = [bench.known(bench.arrangement(number).key()) for number in range(1, len(bench.acts) + 1)]
-    sizes = [known.get(name) for known in errors for name in ("rms", "held_out", "later")]
+    sizes = [known.get(name) for known in errors for name in ("rms", "held_out")]
+    sizes += [known.get("later", {}).get(bench.moment) for known in errors]
     scale = scale_of([size for size in sizes if size is not None], found.model.reading_.unit if found else "")
     rows: list[dict[str, Any]] = []
     firsts: dict[Any, float] = {}
@@ -156,7 +157,7 @@ def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
         arrangement = bench.arrangement(number)
         key, learned = arrangement.key(), arrangement.learned()
         known = bench.known(key)
-        later = known.get("later")
+        later = known.get("later", {}).get(bench.moment)
         if later is not None:
             firsts.setdefault(learned, later)
         rows.append(

@@ -262,6 +262,15 @@ def diagnose(
         return _conclude(model, y, seen, read, search, causes, small, _as_likely_as_the_start(terms))
 
 
+def out_of_sample(model: DynamicBiasRegressor, X: Any, y: Any) -> OutOfSample:
+    """Errors of a fitted model on data that it was not learned from, as its diagnosis has them."""
+    with one_blas_thread():
+        read = record_of(model, X, y)
+        base = ThermalBase.of(model, read)
+        record = suspect_record(model, read, X, y, None, [*base.effects, *base.slow])
+        return Pool(model, record, base, []).out_of_sample
+
+
 def _conclude(
     model: DynamicBiasRegressor,
     y: Any,
@@ -316,6 +325,7 @@ def _conclude(
         left=rest,
         residual_rms=rms,
         unit=model.reading_.unit,
+        moment=search.pool.own_moment,
         later_rms=search.pool.out_of_sample.later_rms(),
         held_out_rms=search.pool.out_of_sample.held_out_rms,
         ahead=search.pool.out_of_sample,

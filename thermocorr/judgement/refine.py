@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
 from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of
-from .diagnose import diagnose
+from .diagnose import diagnose, out_of_sample
 from .report import WIDTH, Diagnosis, FoundSuspect
 from .terms import helps_evenly, passes_twice
 
@@ -217,6 +217,27 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect
             }
         )
     return pd.DataFrame(rows)
+
+
+def with_fitted_causes(diagnosis: Diagnosis, model: DynamicBiasRegressor, X: Any, y: Any, most: int = 3) -> Diagnosis:
+    """The diagnosis of a model, its first causes with the error that the model fitted with each of them alone has.
+
+    Of these, one that does not lower the error on later stretches is a cause no more.
+    """
+    assert diagnosis.ahead is not None
+    shown, not_shown = list[FoundSuspect](), list[FoundSuspect]()
+    for cause in diagnosis.causes[:most]:
+        ahead = out_of_sample(with_missing(model, cause.effect).fit(X, y), X, y)
+        moment = max((m for m in (diagnosis.moment, cause.moment) if m is not None), default=None)
+        falls = diagnosis.ahead.against(ahead, moment).short
+        before, after = diagnosis.ahead.later_rms(moment), ahead.later_rms(moment)
+        fitted = replace(cause, before=before, after=after, each=falls.each)
+        fitted = replace(fitted, later_db=falls.later, gain_db=falls.blocks)
+        (shown if fitted.after < fitted.before else not_shown).append(fitted)
+    shown.sort(key=lambda cause: -cause.later_db)
+    named = diagnosis.n_causes + diagnosis.n_small
+    suspects = (*shown, *diagnosis.suspects[most:named], *not_shown, *diagnosis.suspects[named:])
+    return replace(diagnosis, suspects=suspects, n_causes=diagnosis.n_causes - len(not_shown))
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:

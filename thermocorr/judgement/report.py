@@ -456,6 +456,8 @@ class Diagnosis(DiagnosisPage):
     """What no cause explains: whether it wanders, for how long it remembers, spikes, and what could have been seen."""
     residual_rms: float
     """Rms residual of the model on these data, in the unit of y."""
+    moment: float | None
+    """Share of the record before the last moment at which an effect of the model begins or ends; None for none."""
     later_rms: float
     """Rms error of the model on a later stretch, predicted from all before it [unit of y]: mean over stretches."""
     held_out_rms: float

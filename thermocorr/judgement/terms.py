@@ -35,6 +35,7 @@ from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, 
 from ..estimators.heteroscedasticity import evenness
 from ..estimators.out_of_sample import OutOfSample
 from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.run_levels import is_level
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
 from ..records.history import Thinned
@@ -481,6 +482,12 @@ class Pool:
         if not isinstance(effect, Step | SeveralSteps | Disturbance):
             return None
         return float(np.mean(self.data.seconds < np.max(effect.seconds_)))
+
+    @property
+    def own_moment(self) -> float | None:
+        """The last moment of the model's own effects, the levels of runs aside."""
+        moments = [self.moment(e) for e in self.model.features_.effect_list() if not is_level(self.model, e)]
+        return max((moment for moment in moments if moment is not None), default=None)
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
         """Averages of some neighbouring rows of columns, shape (n, k), as data not learned from are judged on."""

@@ -161,7 +161,7 @@
     const first = Math.min(causes, CARDS), others = judged.suspects.slice(causes);
     return [
       element("h2", {}, "What is missing?"),
-      causes ? element("p", { class: "fine" }, "Rms error on later data without and with each, the other causes being in the model; the most helpful first.") : null,
+      causes ? element("p", { class: "fine" }, "Rms error on later data of the model as it is, and fitted with each; the most helpful first.") : null,
       causes ? element("ol", { class: "suspects" }, judged.suspects.slice(0, first).map(item)) : element("p", { class: "fine" }, judged.calm ? "No suspect is worth adding." : "No suspect explains it by itself."),
       causes > first ? details(`${causes - first} more that are named`, false, element("ol", { class: "suspects" }, judged.suspects.slice(first, causes).map((one, i) => item(one, first + i)))) : null,
       others.length ? details(`${others.length} others that were tried`, false, element("ol", { class: "suspects" }, others.map((one, i) => item(one, causes + i)))) : null,
