@@ -1,6 +1,7 @@
 """Choice of time constants: same errors as scikit-learn's search, planted time constants found, honest intervals."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut, TimeSeriesSplit
+from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut, TimeSeriesSplit, cross_val_score
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -139,6 +140,20 @@ def test_runs_are_groups():
     search = TimeConstantSearch(model, cv=LeaveOneGroupOut()).fit(X, y)
     assert search.n_splits_ == 3
     assert -search.best_score_ < 0.3  # noise 0.2: a run that nothing was learned of is predicted
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_shuffled_folds_are_said_wherever_they_are_used(dated):
+    record = make_record(3000, seed=1)
+    if not dated:
+        record = record.reset_index(drop=True)
+    model, cv = DynamicBiasRegressor("temperature", [300.0]), KFold(3, shuffle=True, random_state=0)
+    with pytest.warns(RecordWarning, match="as in shuffled folds" if dated else "do not shuffle folds"):
+        cross_val_score(model, record[["temperature"]], record["reading"], cv=cv)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        cross_val_score(model, record[["temperature"]], record["reading"], cv=TimeSeriesSplit(3))
+    assert not any("shuffle" in str(each.message) for each in said)
 
 
 @pytest.mark.parametrize(

@@ -575,6 +575,11 @@ class Walk:
         )
 
 
+def where_read(modelled: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Modelled readings as they are drawn: NaN where nothing was measured, where they may be far from any reading."""
+    return np.where(np.isfinite(measured), modelled, np.nan)
+
+
 def regressor_of(model: Any) -> DynamicBiasRegressor:
     """The fitted `DynamicBiasRegressor`, also of a search."""
     found = getattr(model, "best_estimator_", model)

@@ -37,6 +37,7 @@ from .axes import (
     plain,
     regressor_of,
     stretches,
+    where_read,
     with_breaks,
 )
 
@@ -85,7 +86,8 @@ class ResidualsDisplay(Display):
         def parts() -> Any:
             stated = walk.uncertainties() if uncertainty else repeat(None)
             for part, u in zip(walk.parts(), stated, strict=False):
-                values = [part.measured, part.modelled, part.measured - part.modelled, walk.corrected(part)]
+                modelled = where_read(part.modelled, part.measured)
+                values = [part.measured, modelled, part.measured - part.modelled, walk.corrected(part)]
                 yield part.segment, part.seconds, np.column_stack(values if u is None else [*values, u])
 
         cells = cells_of(walk.timeline, names, walk.n_rows, parts())

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..displays.axes import TimeLine, Walk
+from ..displays.axes import TimeLine, Walk, where_read
 from ..effects import Rate, SeveralSteps, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
@@ -182,7 +182,7 @@ def curves_of(model: DynamicBiasRegressor, data: Data, store: Store) -> tuple[di
             "row": np.asarray(np.arange(len(data.y))[part.rows], float),
             "temperature": part.temperature,
             "reading": part.measured,
-            "model": np.where(np.isfinite(part.measured), part.modelled, np.nan),  # not drawn where no reading is
+            "model": where_read(part.modelled, part.measured),
             "corrected": walked.corrected(part),
             "residual": part.measured - part.modelled,
         }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from ..displays.axes import FINE_TIMES, TIMES, TimeLine
+from ..displays.axes import FINE_TIMES, TIMES, TimeLine, where_read
 from ..equations.statistics import Moments
 from ..records.labels import is_state, state
 from ..records.numbers import SPANS, is_frame, numeric_reading, unit_text
@@ -75,6 +75,7 @@ class Traces:
                 "reading": model._screened(block, np.asarray(reading[block.rows], float)),
             }
             columns |= {name: values[name] for name in ("model", "corrected", "residual")}
+            columns["model"] = where_read(columns["model"], columns["reading"])
             corrected = corrected.merged(Moments.of(values["corrected"]))
             readings = readings.merged(Moments.of(columns["reading"]))
             columns |= {column_key(name): recorded(X, name, block.rows) for name in beside}

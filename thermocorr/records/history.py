@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError
+from .errors import RecordError, warn
 from .gaps import Gaps, least_gap
 from .grammar import LARGEST
 from .record import Record
@@ -181,6 +181,8 @@ def _times(record: Record, seconds: Floats, began: float) -> Times:
     return Times(n, times.kind, ticks, per_second, times.period)
 
 
+MOST_FOLDED = 400
+"""Pieces into which folds may cut a record: more are not blocks in time but shuffled rows."""
 HISTORY_ROWS = 1 << 17
 """Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
 
@@ -323,6 +325,12 @@ class History:
                 f"The fitted record has times of kind {self.kind!r}, these rows have {record.times.kind!r}. Give both "
                 "the same kind of time (dates with or without zone, time spans, seconds, or none at all)."
             )
+        if self.kind != "rows" and (holes := self._holes_of(record)) > MOST_FOLDED:
+            warn(
+                f"These rows lie in {holes} holes between rows that the model was fitted on, as in shuffled folds: "
+                "their errors say nothing about later data. Score on whole stretches: TimeSeriesSplit, or KFold "
+                "without shuffling."
+            )
         if self.screen is not None:
             record = self.later_screen.without_codes(record, self.max_gap)
         if self.kind == "rows":
@@ -344,6 +352,18 @@ class History:
                 if tied[0].step is not None:
                     replay[number] = tied[1]
         return record, starts, replay
+
+    def _holes_of(self, record: Record) -> int:
+        """Number of holes of the fitted record in which rows lie; 0 where too many rows are looked at."""
+        if self.stride > 1 or record.n_used > HISTORY_ROWS:
+            return 0
+        ours, theirs = (
+            np.sort(each.times.seconds(each.rows(0, each.n_used), self.zero)) for each in (self.record, record)
+        )
+        place = np.searchsorted(ours, theirs)
+        inside = (place > 0) & (place < len(ours))
+        inside[inside] = ours[place[inside]] != theirs[inside]
+        return len(np.unique(place[inside]))
 
     def tie(
         self,

@@ -205,9 +205,16 @@ def no_times_text(index: pd.Index | None) -> str:
     numbers = index.to_numpy(dtype=float, na_value=np.nan)
     if (np.diff(numbers) == 1).all() and not numbers[0] % 1:
         return ""
+    steps = np.diff(numbers)
+    skips = (steps > 0).all() and not (numbers % 1).any() and np.median(steps) == 1
+    missing = (
+        f"It skips {steps.sum() - len(steps):.0f} numbers, and the rows beside these are taken as neighbours: keep all "
+        "rows, readings NaN where they are unknown, and do not shuffle folds. "
+    )
     return (
         f"The index holds numbers, {numbers[0]:.10g} to {numbers[-1]:.10g}, which are not taken as times: if they are "
         "seconds, make a column of them, as with X.assign(seconds=X.index) and time='seconds'. "
+        f"{missing if skips else ''}"
     )
 
 

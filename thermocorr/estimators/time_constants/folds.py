@@ -20,6 +20,7 @@ from ...effects.stream import equal_edges
 from ...equations import TriangularFactor
 from ...equations.subsets import Fold, fold_of, set_errors
 from ...records import Record, Segment
+from ...records.history import MOST_FOLDED
 from ..features import DiffusiveFeatures
 from ..fitting import Swept, sweep_effects
 from .spectrum import DECAY_SHARE, GridLayout, grown
@@ -202,8 +203,7 @@ def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:
     for learned, tested in splits:
         sides = [_ranges(np.asarray(side) if position is None else position[side]) for side in (learned, tested)]
         count = len(sides[0]) + len(sides[1])
-        # More stretches than this are not blocks in time but shuffled rows
-        if count > 400:
+        if count > MOST_FOLDED:
             raise ValueError(
                 f"The folds of {cv!r} cut the record into {count} pieces: their rows are shuffled, so that training "
                 "and test share neighbours in time. Use whole stretches: TimeSeriesSplit, KFold without shuffling, or "
