@@ -23,7 +23,7 @@ import pandas as pd
 import real_records
 from common import asked, seeds_of
 from effect_records import EXAMPLES
-from firmware_runs import compile_c, run_c, start_of
+from firmware_runs import compile_c, run_c, seconds_to
 
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.effects import Covariate
@@ -133,11 +133,11 @@ def live(model: DynamicBiasRegressor, X: pd.DataFrame, y: np.ndarray) -> Answer:
 
 def exported(model: DynamicBiasRegressor, fitted: pd.DataFrame, X: pd.DataFrame, folder: str) -> Callable[..., Answer]:
     """The exported code as a function of a record."""
-    export = export_c(model, Path(folder) / "bias.c", "double", sampling_period=STEP, force=True)
-    program = compile_c(export, ("gcc", "-O1", "-w"), start_of(export, fitted, X))
+    export = export_c(model, Path(folder) / "bias.c", force=True)
+    program, start = compile_c(export, ("gcc", "-O1", "-w")), seconds_to(fitted, X)
 
     def run(model: DynamicBiasRegressor, X: pd.DataFrame, y: np.ndarray) -> Answer:
-        said = run_c(program, X, y, export.columns)
+        said = run_c(program, X, y, export.columns, start)
         return said.corrected, np.where(said.flags > 0, "flagged", "")
 
     return run

@@ -51,8 +51,8 @@ import planted_on_real
 import real_records
 import slow_logs
 from common import asked, diagnosed, kinds
+from firmware_runs import BOUND, errors, fitted, tool
 from firmware_runs import KINDS as EXPORTED
-from firmware_runs import errors, fitted, tool
 from hidden_effects import DEVICES, SETTINGS
 from joblib import Parallel, delayed
 from scipy import stats
@@ -247,8 +247,7 @@ def exported(kind: str) -> Answers:
     model, X = fitted(**EXPORTED[kind])
     kelvin = EXPORTED[kind].get("kelvin", False)
     with tempfile.TemporaryDirectory() as folder:
-        worst = {dtype: errors(model, X, folder, dtype, 20_000, kelvin=kelvin)[0] for dtype in ("double", "float")}
-    return {"within its bound of Python": worst["double"] <= 1e-12 and worst["float"] <= 1e-5}
+        return {"within its bound of Python": errors(model, X, folder, 20_000, kelvin=kelvin)[0] <= BOUND}
 
 
 def speed(line: performance.Line) -> Answers:

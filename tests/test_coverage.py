@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pandas as pd
 import pytest
-from firmware_runs import WARNINGS
+from firmware_runs import WARNINGS, compile_c, run_c
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
@@ -101,12 +101,16 @@ def test_live_and_loaded_models_flag_the_same_rows(tmp_path):
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_the_exported_c_flags_what_lies_between_two_plateaus(tmp_path):
-    """Its self-test walks through the whole range and compares every flag; the export once stopped at a gap."""
     model = DynamicBiasRegressor("temperature", time_constants=["20 min"]).fit(*plateaus([13, 47.5]))
     export = export_c(model, tmp_path)
     sources = [str(path) for path in export.paths if path.suffix == ".c"]
     subprocess.run(["gcc", *WARNINGS, *sources, "-lm", "-o", str(tmp_path / "test")], check=True)
     done = subprocess.run([str(tmp_path / "test")], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "passed, 0 of" in done.stdout, done.stdout
-    code = next(path for path in export.paths if path.name == "thermal_bias.c").read_text()
-    assert code.count("OUTSIDE_RANGE;") == 2
+    (low, high), *_ = model.reading_.temperature_gaps
+    new = pd.DataFrame(
+        {"temperature": np.linspace(low - 1, high + 1, 3000)}, pd.date_range("2030", periods=3000, freq="min")
+    )
+    run = run_c(compile_c(export), new, np.ones(3000))
+    inside = (new["temperature"] > low) & (new["temperature"] < high)
+    assert ((run.flags & 8) > 0)[inside].all() and not ((run.flags & 8) > 0).all()

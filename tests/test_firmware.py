@@ -1,13 +1,16 @@
-"""Export to C: what the compiled code answers, against the model, and what it costs."""
+"""Export to C: what the compiled code answers, against the model; what is refused; what compilers say."""
+
+import subprocess
 
 import numpy as np
 import pandas as pd
 import pytest
 from firmware_runs import (
-    BOUNDS,
+    ALL_AT_ONCE,
+    BOUND,
     KINDS,
-    PERIOD,
     ROWS,
+    WARNINGS,
     ambient,
     compile_c,
     errors,
@@ -15,15 +18,20 @@ from firmware_runs import (
     later,
     needs_gcc,
     run_c,
-    start_of,
+    seconds_to,
+    tool,
 )
+from sklearn.preprocessing import StandardScaler
 
-from thermocorr import DynamicBiasRegressor
-from thermocorr.effects import CATALOGUE, Covariate, Drift, Effect, LaggedCovariate, LagProducts, Rate, Step
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, save_model
+from thermocorr.command import cli
+from thermocorr.effects import CATALOGUE, Covariate, Delay, Drift, Effect, LaggedCovariate, Rate, ThermalLag
 from thermocorr.firmware import export_c
-from thermocorr.firmware.statements import Operations
+from thermocorr.firmware.printer import number
 
 pytestmark = pytest.mark.newest
+
+NO_INPUT, NO_READING, WASHOUT, OUTSIDE, NOT_STARTED, BAD_STEP, JUMP, DOUBTFUL = (1 << k for k in range(8))
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +45,31 @@ def with_columns():
     return fitted([Covariate("humidity"), Rate(), Drift(True)])
 
 
-@pytest.mark.newest
+@pytest.fixture(scope="module")
+def everything():
+    effects = [*ALL_AT_ONCE, *(KINDS[kind]["effects"][0] for kind in ("delay", "periodic", "log_ageing", "step"))]
+    return fitted(effects)
+
+
+def selftest(export, command=("gcc", "-O1")):
+    """Build the self-test with all warnings, and run it."""
+    program = export.paths[1].with_name("selftest")
+    built = subprocess.run(
+        [*command, *WARNINGS, *export.paths[1:], "-o", program, "-lm"], capture_output=True, text=True, check=False
+    )
+    assert built.returncode == 0, built.stderr
+    return subprocess.run([program], capture_output=True, text=True, check=False)
+
+
 @needs_gcc
 @pytest.mark.parametrize("kind", KINDS)
 def test_c_gives_the_bias_of_python(kind, tmp_path):
-    """At a fixed period, and with steps of its own."""
+    """With steps of its own; the self-test passes, too."""
     settings = KINDS[kind]
     model, X = fitted(**settings)
-    kelvin = settings.get("kelvin", False)
-    for dtype, variable in (("double", False), ("float", not kind.startswith("delay"))):
-        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, kelvin, command=("gcc", "-O1"))
-        assert error < BOUNDS[dtype], (dtype, variable)
+    error, export, *_ = errors(model, X, tmp_path, ROWS, True, settings.get("kelvin", False), ("gcc", "-O1"))
+    assert error < BOUND
+    assert selftest(export).returncode == 0
 
 
 class Twisted(Effect):
@@ -89,12 +111,9 @@ class Twisted(Effect):
 @pytest.mark.parametrize("effect", [Twisted(), Twisted(100.0)], ids=["words", "delayed"])
 def test_any_formula_becomes_c(effect, tmp_path):
     model, X = fitted([effect])
-    for dtype in ("double", "float"):
-        for variable in (False, True):
-            if variable and effect.delay:
-                continue  # refused by name
-            error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, command=("gcc", "-O1"))
-            assert error < BOUNDS[dtype], (dtype, variable, error)
+    for irregular in (False, True):
+        error, *_ = errors(model, X, tmp_path, ROWS, irregular, command=("gcc", "-O1"))
+        assert error < BOUND
 
 
 class Conditions(Effect):
@@ -119,11 +138,11 @@ def test_lags_of_different_inputs_are_not_one(effect, tmp_path):
     X = ambient(6000).rename(columns={"humidity": "T"})
     model = DynamicBiasRegressor("temperature", [200.0], effects=[effect], max_gap="1 h")
     model.fit(X, X["temperature"].ewm(20).mean() + X["T"].ewm(30).mean() + (X["T"] < 45.0).ewm(30).mean())
-    export = export_c(model, tmp_path / "bias", "double")
+    export = export_c(model, tmp_path / "bias")
     new = X.set_axis(X.index + pd.Timedelta(10, "D"))
     run = run_c(compile_c(export), new, np.ones(len(X)), export.columns)
     expected = model.bias(new).to_numpy()
-    assert np.abs(run.bias - expected).max() < BOUNDS["double"] * np.ptp(expected)
+    assert np.abs(run.bias - expected).max() < BOUND * np.ptp(expected)
 
 
 def test_every_kind_of_the_catalogue_is_among_them():
@@ -133,83 +152,79 @@ def test_every_kind_of_the_catalogue_is_among_them():
 
 
 @needs_gcc
-@pytest.mark.parametrize("dtype", ["float", "double"])
-def test_flags_and_correction_are_those_of_python(dtype, tmp_path):
+def test_flags_and_correction_are_those_of_python(tmp_path):
     model, X = fitted()
-    _error, _export, run, _expected, new = errors(model, X, tmp_path, dtype, 3000)
-    held = new.to_numpy()[:, 0]
+    _, _, run, new = errors(model, X, tmp_path, 3000)
+    python, T = model.flags(new), new["temperature"].to_numpy()
     low, high = model.reading_.temperature_range
-    python = model.flags(new)
-    outside = (held < np.float32(low)) | (held > np.float32(high)) if dtype == "float" else (held < low) | (held > high)
-    np.testing.assert_array_equal((run.flags & 8) > 0, python == "washout")
-    np.testing.assert_array_equal((run.flags & 16) > 0, outside)
-    assert 0 < (python == "washout").sum() < 3000 and 0 < outside.sum() < 3000
-    T = np.float32 if dtype == "float" else np.float64
-    np.testing.assert_array_equal(run.corrected, T(1.0) - run.bias.astype(T))
+    np.testing.assert_array_equal((run.flags & WASHOUT) > 0, python == "washout")
+    assert ((run.flags & OUTSIDE) > 0)[(low > T) | (high < T)].all()
+    settled = (run.flags & WASHOUT) == 0
+    np.testing.assert_array_equal(((run.flags & OUTSIDE) > 0)[settled], (python == "outside fitted range")[settled])
+    assert 0 < (python == "washout").sum() < 3000 and 0 < ((run.flags & OUTSIDE) > 0).sum() < 3000
+    np.testing.assert_array_equal(run.corrected, 1.0 - run.bias)
 
 
 @needs_gcc
-def test_a_slow_lag_does_not_stick_in_single_precision(tmp_path):
-    """tau/dt = 7e5: an increment is below half a unit of the state's last digit most of the time."""
-    model, X = fitted(**KINDS["thermal_lag, 1e7 s"])
-    error, _export, _run, _expected, new = errors(model, X, tmp_path, "float", ROWS)
-    assert error < 2e-6
-    column = [name.startswith("lag[") for name in model.features_.get_feature_names_out()].index(True)
-    exact = model.features_.transform(new)[:, column]
-    T, decay, d, plain = new["temperature"].to_numpy(np.float32), np.float32(np.exp(-PERIOD / 1e7)), np.float32(0), []
-    for step in np.diff(T, prepend=T[0]):
-        d = decay * d - step  # the gain is 1 to all digits of single precision
-        plain.append(float(d))
-    assert np.abs(np.array(plain) - exact).max() > 10 * error * np.ptp(exact)  # what the plain recursion would do
-
-
-@needs_gcc
-def test_roundings_do_not_pile_up_while_the_temperature_rests(tmp_path):
-    """Steps and long rests: every sample of a rest rounds the same way, which noise would have hidden."""
-    model, X = fitted(**KINDS["thermal_lag, paper's size"])
-    new = later(model, X, ROWS)
-    new["temperature"] = np.float32([21.3, 24.1, 22.2, 25.7])[np.arange(ROWS) // 5000].astype(float)
-    export = export_c(model, tmp_path / "bias")
-    run = run_c(compile_c(export), new, np.ones(ROWS))
-    expected = model.bias(new).to_numpy()
-    assert np.abs(run.bias - expected).max() < 2e-6 * np.ptp(expected)
-
-
-@needs_gcc
-@pytest.mark.parametrize("variable", [False, True])
-def test_fused_multiply_adds_do_no_harm(variable, tmp_path):
-    """Compilers fuse a * b + c into one rounding unless told otherwise: the carried roundings must survive it."""
-    model, X = fitted(**KINDS["thermal_lag, paper's size"])
-    for dtype in ("float", "double"):
-        command = ("gcc", "-O3", "-march=native", "-ffp-contract=fast")
-        error, *_ = errors(model, X, tmp_path, dtype, ROWS, variable, command=command)
-        assert error < BOUNDS[dtype]
-
-
-def test_a_model_of_the_papers_size_is_small(tmp_path):
-    model, _ = fitted(**KINDS["thermal_lag, paper's size"])
+def test_a_column_beyond_its_range_and_cooling_never_shown_are_flagged(tmp_path):
+    X = ambient(3000)
+    X["temperature"] = np.linspace(20.0, 30.0, 3000) + 0.3 * np.sin(np.arange(3000) / 50)
+    rng = np.random.default_rng(0)
+    lagged = X["temperature"].ewm(200).mean()
+    y = 0.5 * X["humidity"] + 3 * lagged + 1e-3 * rng.standard_normal(3000)
+    model = DynamicBiasRegressor("temperature", [600.0], effects=[Covariate("humidity")], degree=1).fit(X, y)
+    new = X.copy()
+    new.index += pd.Timedelta(10, "D")
+    new["temperature"] = X["temperature"].to_numpy()[::-1]
+    new.iloc[2000:, 1] += np.linspace(0, 60, 1000)
     export = export_c(model, tmp_path)
-    assert export.operations.multiply_adds + export.operations.adds <= 42  # fewer still are multiply-adds
-    # By hand: 6 lags of 2 multiply-adds and 1 for the bias, 2 for the square; 3 additions for each compensated lag
-    # (tau > 16 dt: five), T - T0, T - T before, reading - bias.
-    assert export.operations == Operations(multiply_adds=20 + 1, adds=5 * 3 + 3 + 2)  # and the gate
-    # By hand: two courses of 6 lags, 5 rests, temperature, washout and started; 9 numbers of the gate, 3 counters.
-    assert export.state_bytes == 4 * (2 * (6 + 5 + 3) + 9 + 3)
-    frame = export.frame()
-    assert frame.loc["RAM: state", "value"] == 160 and "160 bytes" in str(export)
+    run = run_c(compile_c(export), new, np.ones(3000), export.columns, seconds_to(X, new))
+    python = model.flags(new).to_numpy()
+    settled = (run.flags & WASHOUT) == 0
+    np.testing.assert_array_equal(((run.flags & OUTSIDE) > 0)[settled], (python == "outside fitted range")[settled])
+    assert ((run.flags & OUTSIDE) > 0)[2500:].all()
 
 
-def test_equal_lags_are_computed_once(tmp_path, simple):
-    plain = export_c(simple[0], tmp_path)
-    model, _ = fitted([LagProducts([200.0, 2000.0]), Rate(200.0)])
-    more = export_c(model, tmp_path)
-    assert more.state_bytes == plain.state_bytes
+@needs_gcc
+@pytest.mark.parametrize("irregular", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_inputs_are_doubted_as_by_the_stream(seed, irregular, tmp_path):
+    """Jumps of one row and more, stretches that stand still, pauses longer than `max_gap`."""
+    model, X = fitted([Covariate("humidity"), LaggedCovariate("humidity", [600.0])], seed=seed)
+    rng, new = np.random.default_rng(seed), later(X, 4000, seed + 10, irregular)
+    for _ in range(30):
+        row, column, length = rng.integers(4000), rng.integers(2), rng.choice([1, 2, 5, 29, 31, 60])
+        if rng.random() < 0.3:
+            new.iloc[row : row + length, column] = new.iloc[row, column]
+        else:
+            new.iloc[row : row + length, column] += rng.normal() * rng.choice([3, 30, 80])
+    pause = np.zeros(4000)
+    pause[[1500, 2500]] = 1800.0, 5000.0
+    new.index += pd.to_timedelta(np.cumsum(pause), unit="s")
+    stream = OnlineCorrector(model)
+    said = stream.update_many(new, np.ones(4000))
+    export = export_c(model, tmp_path)
+    run = run_c(compile_c(export), new, np.ones(4000), export.columns, seconds_to(X, new))
+    bias, flags = said["bias"].to_numpy(), said["flag"].to_numpy()
+    assert np.abs(run.bias - bias).max() < BOUND * np.abs(bias).max()
+    for flag, word in ((JUMP, "jump"), (DOUBTFUL, "doubtful")):
+        raised = (run.flags & flag) > 0
+        assert raised[flags == word].all() and raised.any(), word
+    assert (flags[(run.flags & (JUMP | DOUBTFUL)) > 0] != "").all()
+    assert np.isin(flags[run.flags == 0], ["", "behind gap"]).all()  # a long step is a straight line to the device
+
+
+@needs_gcc
+def test_fused_multiply_adds_do_no_harm(tmp_path):
+    model, X = fitted(**KINDS["thermal_lag, paper's size"])
+    error, *_ = errors(model, X, tmp_path, ROWS, command=("gcc", "-O3", "-march=native", "-ffp-contract=fast"))
+    assert error < BOUND
 
 
 @needs_gcc
 def test_missing_inputs_are_flagged_and_forgotten(tmp_path, with_columns):
     model, X = with_columns
-    new = later(model, X, 2000)
+    new = later(X, 2000)
     broken = new.copy()
     broken.iloc[[0, 1], 0] = np.nan
     broken.iloc[500:510, 0] = np.inf
@@ -217,13 +232,14 @@ def test_missing_inputs_are_flagged_and_forgotten(tmp_path, with_columns):
     broken.iloc[505:520, 1] = np.nan
     reading = np.ones(2000)
     reading[900] = np.nan
-    export = export_c(model, tmp_path / "bias", sampling_period=PERIOD)
-    run = run_c(compile_c(export, start=start_of(export, X, new)), broken, reading, export.columns)
+    export = export_c(model, tmp_path / "bias")
+    run = run_c(compile_c(export), broken, reading, export.columns, seconds_to(X, new))
     taken = broken.where(np.abs(broken) < 1e3).ffill()[2:]  # the last good value stands in
     expected = model.bias(taken).to_numpy()
-    assert np.abs(run.bias[2:] - expected).max() < 1e-5 * np.ptp(expected)
-    rows = {bit: set(np.flatnonzero(run.flags & bit)) for bit in (1, 2, 4, 32, 128)}
-    assert rows == {1: {0, 1, *range(500, 510)}, 2: set(range(505, 520)), 4: {900}, 32: {0, 1}, 128: {700}}
+    assert np.abs(run.bias[2:] - expected).max() < BOUND * np.ptp(expected)
+    rows = {bit: set(np.flatnonzero(run.flags & bit)) for bit in (NO_INPUT, NO_READING, NOT_STARTED, JUMP)}
+    missing = {0, 1, *range(500, 520)}
+    assert rows == {NO_INPUT: missing, NO_READING: {900}, NOT_STARTED: {0, 1}, JUMP: {700}}
     np.testing.assert_array_equal(run.bias[:2], 0.0)
     assert np.isnan(run.corrected[900]) and np.isfinite(np.delete(run.corrected, 900)).all()
 
@@ -231,58 +247,149 @@ def test_missing_inputs_are_flagged_and_forgotten(tmp_path, with_columns):
 @needs_gcc
 def test_a_step_of_no_length_is_left_out(tmp_path, with_columns):
     model, X = with_columns
-    new = later(model, X, 1000, irregular=True)
-    export = export_c(model, tmp_path / "bias", sampling_period="variable")
-    program = compile_c(export, start=start_of(export, X, new))
+    new = later(X, 1000, irregular=True)
+    export = export_c(model, tmp_path / "bias")
     repeated = new.iloc[[*range(300), 299, *range(300, 1000)]].copy()
     repeated.iloc[300] = [90.0, np.nan]
-    run = run_c(program, repeated, np.ones(1001), export.columns)
+    run = run_c(compile_c(export), repeated, np.ones(1001), export.columns, seconds_to(X, new))
     expected = model.bias(new).to_numpy()
-    assert np.flatnonzero(run.flags & 64).tolist() == [300]
-    assert np.abs(np.delete(run.bias, 300) - expected).max() < 1e-5 * np.ptp(expected)
+    assert np.flatnonzero(run.flags & BAD_STEP).tolist() == [300]
+    assert np.abs(np.delete(run.bias, 300) - expected).max() < BOUND * np.ptp(expected)
 
 
 @needs_gcc
-def test_a_gap_is_one_long_step(tmp_path, simple):
-    """A straight line across the gap, as Python takes it within a segment; every form of exp is used."""
-    model, X = simple
-    new = later(model, X, 3000, irregular=True)
-    new.index = new.index + pd.to_timedelta(np.where(np.arange(3000) > 1000, 3000.0, 0.0), unit="s")
-    for dtype in ("float", "double"):
-        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable")
-        run = run_c(compile_c(export), new, np.ones(3000))
-        expected = model.bias(new).to_numpy()
-        assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
-
-
-@needs_gcc
+@pytest.mark.parametrize("gap", [3000.0, 4000.0])
 @pytest.mark.parametrize("kind", ["several", "lag_products, of the model", "initial_transient"])
-def test_a_gap_beyond_max_gap_starts_anew(kind, tmp_path):
-    """Python takes what comes after a gap longer than max_gap (1 h here) as a device of unknown state."""
+def test_a_gap_is_one_long_step_and_beyond_max_gap_a_new_start(kind, gap, tmp_path):
+    """`max_gap` is 1 h here: Python takes what comes after a longer one as a device of unknown state."""
     model, X = fitted(**KINDS[kind])
-    new = later(model, X, 2000, irregular=True)
-    new.index = new.index + pd.to_timedelta(np.where(np.arange(2000) > 1000, 4000.0, 0.0), unit="s")
-    for dtype in ("float", "double"):
-        export = export_c(model, tmp_path / "bias", dtype, sampling_period="variable")
-        run = run_c(compile_c(export, start=start_of(export, X, new)), new, np.ones(2000), export.columns)
-        expected = model.bias(new).to_numpy()
-        assert np.abs(run.bias - expected).max() < BOUNDS[dtype] * np.ptp(expected)
-        np.testing.assert_array_equal((run.flags & 8) > 0, model.flags(new) == "washout")
-        assert (run.flags[:1001] & 8).any() and (run.flags[1001:] & 8).any()
+    new = later(X, 2000, irregular=True)
+    new.index = new.index + pd.to_timedelta(np.where(np.arange(2000) > 1000, gap, 0.0), unit="s")
+    export = export_c(model, tmp_path / "bias")
+    run = run_c(compile_c(export), new, np.ones(2000), export.columns, seconds_to(X, new))
+    expected = model.bias(new).to_numpy()
+    assert np.abs(run.bias - expected).max() < BOUND * np.ptp(expected)
+    if gap > 3600:
+        assert ((run.flags & WASHOUT)[model.flags(new) == "washout"] > 0).all()
+        assert (run.flags[1001:] & WASHOUT).any()
 
 
 def test_what_correct_keeps_is_kept(tmp_path):
     model, _ = fitted([Drift()])
     export = export_c(model, tmp_path)
     assert export.kept == ("drift",) and "drift" in str(export)
-    assert "seconds" not in export.paths[1].read_text()
 
 
-def test_steps_of_the_clock_are_exact(tmp_path):
-    """A step between two samples is felt by the later one; one on a sample by itself."""
-    model, _ = fitted([Step(60.0 + PERIOD / 2, True)])
-    text = export_c(model, tmp_path / "bias", sampling_period=PERIOD).paths[1].read_text()
-    assert "INT32_C(5)" in text
-    model, _ = fitted([Step(60.0, True)])
-    text = export_c(model, tmp_path / "bias", sampling_period=PERIOD).paths[1].read_text()
-    assert "INT32_C(4)" in text
+@needs_gcc
+def test_samples_too_fast_for_a_delay_are_flagged(tmp_path):
+    model, X = fitted([Delay("25 min")])
+    new = later(X, 3000)
+    new.index = new.index[0] + (new.index - new.index[0]) / 10
+    run = run_c(compile_c(export_c(model, tmp_path)), new, np.ones(3000))
+    assert (run.flags[1200:] & BAD_STEP).all() and not (run.flags[:150] & BAD_STEP).any()
+
+
+class Fan(Effect):
+    kind = "fan"
+
+    def names(self):
+        return ["fan"]
+
+    def columns(self, block, state):
+        return np.sin(block.temperature), state
+
+
+class OwnLag(ThermalLag):
+    """A subclass may compute anything."""
+
+    def columns(self, block, state):
+        return super().columns(block, state)
+
+
+@pytest.mark.parametrize("effect", [Fan(), OwnLag([500.0]), StandardScaler()], ids=["own", "subclass", "transformer"])
+def test_effects_without_c_are_refused_by_name(effect, tmp_path):
+    model, _ = fitted([effect])
+    with pytest.raises(ValueError, match=r"(fan|OwnLag|StandardScaler).*cannot be exported to C"):
+        export_c(model, tmp_path / "new" / "bias")
+    assert not list(tmp_path.iterdir())
+
+
+def test_delays_have_bounds(tmp_path):
+    model, _ = fitted([Delay(40_000.0)])
+    with pytest.raises(ValueError, match=r"delay of 40000 s keeps 5338 samples"):
+        export_c(model, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_parameters(tmp_path, simple):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordError, match="cannot be written"):
+        export_c(simple[0], tmp_path / "file" / "bias")
+    with pytest.raises(ValueError, match="has no place in C"):
+        number(np.inf)
+
+
+def test_numbers_keep_all_their_digits():
+    rng = np.random.default_rng(0)
+    for value in (*rng.normal(size=200) * 10.0 ** rng.integers(-30, 30, 200), 0.0, 1.0, -3e8):
+        assert float(number(value)) == value and any(mark in number(value) for mark in ".e")
+
+
+@needs_gcc
+def test_the_self_test_passes_and_can_fail(tmp_path, with_columns):
+    export = export_c(with_columns[0], tmp_path / "bias")
+    done = selftest(export)
+    assert done.returncode == 0 and "passed, 0 of 200" in done.stdout
+    code = export.paths[1].read_text()
+    weight = repr(float(with_columns[0].coef_[1]))
+    assert weight in code
+    export.paths[1].write_text(code.replace(weight, repr(float(weight) * 1.001)))
+    done = selftest(export)
+    assert done.returncode == 1 and "FAILED" in done.stdout
+
+
+@pytest.mark.skipif(tool("clang") is None, reason="clang is not installed")
+def test_clang_has_nothing_to_say(tmp_path, everything):
+    assert selftest(export_c(everything[0], tmp_path), ["clang", "-Wsign-conversion"]).returncode == 0
+
+
+@needs_gcc
+def test_sanitizers_have_nothing_to_say(tmp_path, everything):
+    model, X = everything
+    probe = subprocess.run(
+        ["gcc", "-fsanitize=address,undefined", "-x", "c", "-", "-o", tmp_path / "probe"],
+        input="int main(void){return 0;}",
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    if probe.returncode:
+        pytest.skip("gcc has no sanitizers here")
+    command = ("gcc", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    export = export_c(model, tmp_path / "bias")
+    new = later(X, 3000)
+    new.iloc[::97] = np.nan
+    run = run_c(compile_c(export, command), new, np.ones(3000), export.columns, seconds_to(X, new))
+    assert np.isfinite(run.bias).all()
+
+
+@pytest.mark.skipif(
+    tool("arm-linux-gnueabihf-gcc") is None or tool("qemu-arm") is None,
+    reason="needs arm-linux-gnueabihf-gcc and qemu-arm",
+)
+def test_an_emulated_arm_gives_the_same(tmp_path, everything):
+    model, X = everything
+    command = ("arm-linux-gnueabihf-gcc", "-O2", "-static", "-mfpu=vfpv4", "-ffp-contract=fast")  # as firmware is built
+    error, *_ = errors(model, X, tmp_path, 2000, command=command, before=("qemu-arm",))
+    assert error < BOUND
+
+
+def test_command_line(tmp_path, with_columns, capsys):
+    save_model(with_columns[0], tmp_path / "model.json")
+    out = tmp_path / "firmware" / "bridge.c"
+    arguments = ["export-c", str(tmp_path / "model.json"), "--out", str(out)]
+    assert cli.main(arguments) == 0
+    assert sorted(path.name for path in out.parent.iterdir()) == ["bridge.c", "bridge.h", "bridge_test.c"]
+    assert "columns: humidity" in capsys.readouterr().out
+    assert cli.main(["export-c", str(tmp_path / "nothing.json")]) == 2
+    assert "nothing.json" in capsys.readouterr().err

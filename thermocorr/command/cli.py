@@ -21,7 +21,6 @@ COMMANDS = {
     "correct": "correct a log, or a stream of lines, with a fitted model",
     "workbench": "compare, see where it fails, add what is missing: in a browser on this machine",
     "export-c": "write a fitted model as C source for a microcontroller",
-    "export-esphome": "write a fitted model as a package for ESPHome",
 }
 """Name -> what for. The module of that name does it: `add_arguments`, `run`."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,25 +29,6 @@ With half of it one harmonic of half an hour is told there too (700 to 6e3); twi
 """
 
 
-@dataclass(frozen=True)
-class Cancellation:
-    """Range of the contributions and of their sum, in the unit of the reading."""
-
-    reach: float
-    """What the contributions add up to without their signs."""
-    left: float
-    """Spread of what they leave together, or of the readings."""
-
-    def beyond(self, share: float) -> bool:
-        """True if the contributions reach further than so many times what they leave."""
-        return self.reach > share * self.left
-
-    def __str__(self) -> str:
-        return (
-            f"The contributions of the model's columns cancel: they reach {self.reach:.3g} and leave {self.left:.3g}."
-        )
-
-
 def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Reading) -> list[str]:
     """A sentence on a fit whose contributions cancel far beyond the spread of the readings; none where all is well.
 
@@ -62,11 +42,12 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
     of_choice = [isinstance(effect, StaticPolynomial) for effect in effects for _ in effect.names()]
     means = np.where(of_choice, 0.0, solution.mean)
     sizes = np.abs(solution.coef) * np.hypot(solution.scale, means)
-    found = Cancellation(float(sizes.sum()), reading.std)
-    if not found.beyond(FURTHEST_REACH):
+    reach = float(sizes.sum())
+    if not reach > FURTHEST_REACH * reading.std:
         return []
     return [
-        f"{found} The largest is that of {names[int(sizes.argmax())]!r}. The record does not determine these columns: "
+        f"The contributions of the model's columns cancel: they reach {reach:.3g} and leave {reading.std:.3g}. The "
+        f"largest is that of {names[int(sizes.argmax())]!r}. The record does not determine these columns: "
         "corrected readings can be wrong by any amount, forecasts more so. Leave that effect out, record for longer "
         "(some periods, some time constants), fit fewer time constants, or set a ridge penalty with alpha."
     ]

@@ -1,6 +1,5 @@
-"""Export of a fitted model to C99 for microcontrollers, or to any `Language`."""
+"""A fitted model as C99, for a microcontroller."""
 
-from .export import export_c
-from .finished import FirmwareExport
+from .export import FirmwareExport, export_c
 
 __all__ = ["FirmwareExport", "export_c"]

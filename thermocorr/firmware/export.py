@@ -1,8 +1,10 @@
-"""A fitted model as source for a microcontroller: `export_c`, and `export_to` for any language."""
+"""`export_c`: a fitted model as C99, with a self-test."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,42 +12,55 @@ from typing import Any
 import numpy as np
 
 from ..effects import StaticPolynomial
-from ..estimators.identifiability import Cancellation
+from ..effects.protocol import refuse_foresight
+from ..effects.stream import walk
 from ..files import Outputs
-from ..records import seconds_of
-from ..records.errors import warn
-from ..records.numbers import quantity_text
-from ..records.units import difference_unit
-from .c99 import C99
-from .composer import Composer, refuse
-from .finished import Firmware, FirmwareExport, provenance
-from .guard import Guard
-from .language import Language
-from .program import Program, TimeCounter, settling
-from .selftest import TOLERANCE, Trial, courses, expected_flags, reference_bias, tolerance
-from .selftest import inputs as test_inputs
-from .target import DEFAULT_PREFIX, Dtype, Target, prefix
+from ..records import Record, Segment
+from ..records.errors import printable
+from .names import DEFAULT, comment, identifier, prefix
+from .printer import Program, number, program_of
+
+SAMPLES = 200
+"""Rows of the fitted record that the self-test runs."""
+TOLERANCE = 1e-12
+"""Largest error of the self-test, as a share of what the effects add up to."""
+ABSURD = 1e12
+"""An input beyond it is taken as missing."""
+
+
+@dataclass(frozen=True)
+class FirmwareExport:
+    """Files of an export, and what the code takes."""
+
+    name: str
+    """Prefix of the names that the code shows."""
+    paths: tuple[Path, ...]
+    """Header, source, self-test."""
+    columns: tuple[object, ...]
+    """Recorded columns in the order in which `update` takes them."""
+    kept: tuple[str, ...]
+    """Effects of the model that `correct` does not remove, and the code neither."""
+
+    def __str__(self) -> str:
+        lines = [f"{self.name}: C99, doubles", *(f"  {path}" for path in self.paths)]
+        if self.columns:
+            lines.append(f"  columns: {', '.join(map(printable, self.columns))}")
+        if self.kept:
+            lines.append(f"  kept in the corrected reading: {', '.join(map(printable, self.kept))}")
+        return "\n".join(lines)
 
 
 def export_c(
-    model: Any,
-    path: str | Path,
-    dtype: Dtype = "float",
-    *,
-    sampling_period: Any = "fitted",
-    name: str | None = None,
-    force: bool = False,
-    inputs: Iterable[str | Path] = (),
+    model: Any, path: str | Path, *, name: str | None = None, force: bool = False, inputs: Iterable[str | Path] = ()
 ) -> FirmwareExport:
     """Write a fitted model as C99: `<name>.h`, `<name>.c` and the self-test `<name>_test.c`.
 
-    The code takes no heap and keeps all it remembers in one struct. ``init`` starts a device anew, ``update`` takes a
-    temperature and a reading (and recorded columns) and gives bias, corrected reading and flags. Inputs that jump or
-    stand still are held back and doubted as in Python (`thermocorr.records.gate`). A missing or infinite input raises a
-    flag, and its last good value stands in; Python passes over the row instead, as if it had not come, and starts a new
-    segment after a step longer than `max_gap`, for which the device calls ``init`` again. Start-up decays, eq. (18),
-    belong to the fitted record: a device that starts anew has none, is taken to be at rest, and is flagged until the
-    washout is over.
+    The code takes no heap and keeps all it remembers in one struct. ``init`` starts a device anew; ``update`` takes the
+    time since the sample before [s], a temperature, a reading (and recorded columns), and gives bias, corrected reading
+    and flags. Inputs that jump or stand still are held back and doubted as in Python (`thermocorr.records.gate`). A
+    missing or infinite input raises a flag, and its last good value stands in; Python passes over the row instead. A
+    step longer than the model's `max_gap` starts anew. Start-up decays, eq. (18), belong to the fitted record: a device
+    that starts anew has none, is taken to be at rest, and is flagged until the washout is over.
 
     Parameters
     ----------
@@ -53,174 +68,118 @@ def export_c(
         Fitted, or loaded from its file.
     path : str or Path
         Folder (made where there is none), or a path that ends in .c or .h, whose stem becomes the name.
-    dtype : {"float", "double"}, default "float"
-        Numbers on the device. A float holds a reading to seven digits; where these are not enough, take the code's
-        `bias` and subtract it in another form.
-    sampling_period : float, time span, "fitted" or "variable", default "fitted"
-        Time between samples [s]; "fitted" is the fitted record's usual step. "variable" gives each update its step in
-        microseconds, at the price of a division or two for each lag, and of `expm1` (`exp` in double precision) for
-        steps above tau/10; a step longer than the model's `max_gap` starts anew, as in Python.
     name : str, optional
-        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`. One that C
-        or its library has taken ("int", "math") comes behind ``thermal_bias_``.
+        Prefix of all names in C, and name of the files; by default "thermal_bias", or the stem of `path`.
     force : bool, default False
-        Overwrite files that thermocorr did not write.
+        Overwrite files that are there already.
     inputs : paths
         Files that must not be overwritten in any case.
 
     Returns
     -------
     FirmwareExport
-        Files and costs; `print` it.
 
     Raises
     ------
     ValueError
-        For an effect that cannot be written in C, before anything is written; for numbers that `dtype` cannot hold.
+        For an effect that cannot be written in C, before anything is written.
     OutputError
         An OSError and a RecordError: the files cannot be written, or must not be; none of them is.
     """
-    return export_to(
-        C99(), model, path, dtype, sampling_period=sampling_period, name=name, outputs=Outputs(inputs, force)
-    )
-
-
-def export_to(
-    language: Language,
-    model: Any,
-    path: str | Path,
-    dtype: Dtype,
-    *,
-    sampling_period: Any = "fitted",
-    name: str | None = None,
-    outputs: Outputs | None = None,
-) -> FirmwareExport:
-    """Write a fitted model in a language; parameters, result and errors are those of `export_c`."""
-    if dtype not in ("float", "double"):
-        raise ValueError(f"The 'dtype' parameter must be 'float' or 'double'. Got {dtype!r} instead.")
-    effects = model.features_.effect_list()
-    removed = [i for i, effect in enumerate(effects) if effect.removed_by_correct]
-    refuse([effects[i] for i in removed], language.title)
-    folder, stem = _place(path, language)
-    static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
-    history = model.features_.history_
-    T0 = float(static.reference_temperature_)
-    target = Target(
-        name=prefix(name or stem, language.keywords, language.unfit),
-        dtype=dtype,
-        period=_period(sampling_period, history),
-        reference_temperature=float(np.float32(T0)) if dtype == "float" else T0,
-        temperature_name=static.temperature_name_,
-        degree=difference_unit(model.reading_.temperature_unit),
-        history=history,
-    )
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    weights = [np.asarray(model.coef_[low:high], float) for low, high in pairwise(edges)]
-    parts = [(effects[i], weights[i]) for i in removed]
-    program, clock = _compose(model, Program(target, language.keywords), parts)
-    screen = history.screen
-    motions = (
-        [] if screen is None else [screen.inputs[name].motion for name in (target.temperature_name, *program.columns)]
-    )
-    known = [motion for motion in motions if motion is not None]
-    guard = Guard(program, known, float(model.residual_std_), float(model.washout_))
-    firmware = Firmware(program, clock, model.reading_.temperature_range, guard, model.reading_.temperature_gaps)
-    trial = _trial(model, firmware, parts)
-    texts = language.files(firmware, provenance(model, target, effects), trial)
-    paths = _write(folder, target.name, texts, outputs or Outputs())
-    return FirmwareExport(
-        name=target.name,
-        dtype=dtype,
-        sampling_period=target.period,
-        paths=paths,
-        columns=tuple(program.columns),
-        state_bytes=firmware.state_bytes,
-        constant_bytes=firmware.constant_bytes,
-        operations=firmware.operations,
-        kept=tuple(effect.label() for effect in effects if not effect.removed_by_correct),
-    )
-
-
-def _trial(model: Any, firmware: Firmware, parts: Sequence[tuple[Any, np.ndarray]]) -> Trial:
-    """The self-test, by the effects themselves."""
-    target, history = firmware.target, firmware.target.history
-    step = target.period or history.usual_step
-    recorded = {name: np.asarray(history.record.columns[name], float) for name in firmware.program.columns}
-    given = test_inputs(firmware, recorded, step)
-    seconds = _seconds(target, given.steps)
-    judged = courses(firmware, given)
-    bias, size = reference_bias(target, parts, *judged.now, seconds, given.steps)
-    other, _ = reference_bias(target, parts, *judged.twin, seconds, given.steps)
-    changed, bias = bias - other, bias + model._removed_level
-    spread = max(float(np.ptp(bias)), model.reading_.std)
-    if target.single:
-        _warn_of_lost_digits(Cancellation(size, spread))
-        _warn_of_coarse_readings(model)
-    flags = expected_flags(firmware, given, judged, changed)
-    return Trial(given, bias, flags, tolerance(firmware, bias, size))
-
-
-def _warn_of_lost_digits(found: Cancellation) -> None:
-    """Warn where large contributions cancel, so that the digits of single precision are lost with them."""
-    # Roundings of each contribution that may add up: of its coefficient, its column, their product and the sum
-    rounding = 4.0 * float(np.finfo(np.float32).eps) / 2
-    if found.beyond(TOLERANCE["float"] / rounding):
-        warn(
-            f"{found} Single precision may be wrong by {rounding * found.reach:.1g}. Export with dtype='double', or "
-            "fit fewer time constants (or with a ridge penalty, alpha)."
-        )
-
-
-def _warn_of_coarse_readings(model: Any) -> None:
-    """Warn where the readings themselves have steps in single precision that are not small against their noise."""
-    reading, noise = model.reading_, model.residual_std_
-    if not noise > 0:
-        return
-    largest = abs(reading.mean) + reading.std
-    step = float(np.spacing(np.float32(largest)))
-    # Step of the readings in single precision, over their noise, from which it is told: it adds 1 % to the noise
-    if step > 0.5 * noise:
-        said, fine, noisy = (quantity_text(value, reading.unit) for value in (largest, step, noise))
-        warn(
-            f"A reading of {said} has steps of {fine} in single precision, and the noise is {noisy}: corrected "
-            "readings lose what the correction gains. Export with dtype='double' (--double), or take the bias that the "
-            "code tells off in double precision."
-        )
-
-
-def _compose(model: Any, program: Program, parts: Sequence[tuple[Any, np.ndarray]]) -> tuple[Program, TimeCounter]:
-    """Let every effect write its part."""
-    composer = Composer(program, model.reading_.unit)
-    program.bias_constant += model._removed_level
-    composer.write(*zip(*parts, strict=True))
-    settling(program, float(model.washout_))
-    return program, composer.clock
-
-
-def _place(path: str | Path, language: Language) -> tuple[Path, str]:
-    """Folder and name: a path with an ending of the language names the files, any other is a folder."""
     path = Path(path)
-    return (path.parent, path.stem) if path.suffix in language.suffixes else (path, DEFAULT_PREFIX)
-
-
-def _period(given: Any, history: Any) -> float | None:
-    if isinstance(given, str) and given == "variable":
-        return None
-    if isinstance(given, str) and given == "fitted":
-        return float(history.usual_step)
-    return seconds_of(given, "sampling_period")
-
-
-def _seconds(target: Target, steps: np.ndarray) -> np.ndarray:
-    """Times of samples since the first fitted row [s]."""
-    if target.period is not None:
-        return target.period * np.arange(len(steps))
-    return np.asarray(np.cumsum(np.round(steps * 1e6)) / 1e6)
-
-
-def _write(folder: Path, name: str, texts: dict[str, str], outputs: Outputs) -> tuple[Path, ...]:
+    folder, stem = (path.parent, path.stem) if path.suffix in (".c", ".h") else (path, DEFAULT)
+    name = prefix(name or stem)
+    effects, history = model.features_.effect_list(), model.features_.history_
+    removed = [i for i, effect in enumerate(effects) if effect.removed_by_correct]
+    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
+    parts = [model.coef_[low:high].tolist() for low, high in pairwise(edges)]
+    refuse_foresight([effects[i] for i in removed], "a device")
+    began = history.between(history.zero, 0)
+    program = program_of([effects[i] for i in removed], [parts[i] for i in removed], began, history.usual_step)
+    about = _about(model, name, program)
+    texts = {f".{kind}": _environment().get_template(f"bias.{kind}.j2").render(about) for kind in ("h", "c")}
+    texts["_test.c"] = _environment().get_template("test.c.j2").render(about, **_trial(model, removed, program))
     paths = tuple(folder / f"{name}{ending}" for ending in texts)
-    with outputs:
-        for path, text in zip(paths, texts.values(), strict=True):
-            outputs.write(path, text.encode("ascii"))
-    return paths
+    with Outputs(inputs, force) as outputs:
+        for each, text in zip(paths, texts.values(), strict=True):
+            outputs.write(each, text)
+    kept = tuple(effect.label() for effect in effects if not effect.removed_by_correct)
+    return FirmwareExport(name, paths, tuple(program.columns), kept)
+
+
+@cache
+def _environment() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("thermocorr.firmware"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    made.filters |= {"num": number, "said": comment, "bound": _bound}
+    return made
+
+
+def _bound(value: float) -> str:
+    """A number that may be infinite."""
+    return number(value) if np.isfinite(value) else "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+
+
+def _about(model: Any, name: str, program: Program) -> dict[str, Any]:
+    """All that header and source say."""
+    from .._version import __version__
+
+    features, reading = model.features_, model.reading_
+    history, effects = features.history_, features.effect_list()
+    temperature = next(e for e in effects if isinstance(e, StaticPolynomial)).temperature_name_
+    motions = {} if history.screen is None else {n: known.motion for n, known in history.screen.inputs.items()}
+    unit = f"{reading.temperature_unit}{'' if reading.unit_named else ', as its values have it: the record named none'}"
+    taken: set[str] = set()
+    first, last = (history.record.times.label(row) for row in (0, history.record.segments[-1].stop - 1))
+    low, high = reading.temperature_range
+    lines = [
+        f"Reading: {reading.name} [{reading.unit or 'its own unit'}], mean {reading.mean:.10g}",
+        f"Fitted rows: {history.n_fitted}, from {first} to {last}, usually {history.usual_step:.10g} s apart",
+        f"Temperature: {temperature}, fitted from {low:.6g} to {high:.6g} {unit}",
+        f"Reading at {model.reference_temperature_:.10g}, at rest (U0): {model.intercept_:.17g}",
+        f"Time constants: {', '.join(f'{tau:.6g}' for tau in model.time_constants_) or 'none'} s",
+        f"Standard deviation of the fitted residuals: {model.residual_std_:.6g}",
+        f"Effects removed: {'; '.join(e.label() for e in effects if e.removed_by_correct) or 'none'}",
+        f"Effects kept: {'; '.join(e.label() for e in effects if not e.removed_by_correct) or 'none'}",
+    ]
+    removed = [effect.removed_by_correct for effect in effects]
+    return {
+        "name": name,
+        "NAME": name.upper(),
+        "version": __version__,
+        "lines": lines,
+        "program": program,
+        "names": [(identifier(column, taken, "x").upper(), column) for column in program.columns],
+        "motions": [motions.get(column) for column in (temperature, *program.columns)],
+        "low": low,
+        "high": high,
+        "gaps": reading.temperature_gaps,
+        "ranges": model._learned_ranges()[removed].tolist(),
+        "level": model._removed_level,
+        "deviation": float(model.residual_std_),
+        "washout": float(model.washout_),
+        "max_gap": np.inf if history.max_gap is None else history.max_gap,
+        "absurd": ABSURD,
+    }
+
+
+def _trial(model: Any, removed: list[int], program: Program) -> dict[str, Any]:
+    """The self-test: the first rows of the fitted record, as a device that starts anew takes them."""
+    history, kept = model.features_.history_, model.features_.history_.record
+    (start, stop, run), *_ = kept.segments
+    part = Record(
+        kept.times, kept.temperature_name, kept.columns, (Segment(start, min(start + SAMPLES, stop), run),),
+        skipped=kept.skipped[kept.skipped < min(start + SAMPLES, stop)],
+    )  # fmt: skip
+    rows, bias, size = list[tuple[float, ...]](), list[float](), 0.0
+    for block, parts in model._weighed(walk(model.features_.effect_list(), part, zero=history.zero)):
+        inputs = [block.temperature, *(np.asarray(block[name], float) for name in program.columns)]
+        rows += zip(block.steps.tolist(), *(each.tolist() for each in inputs), strict=True)
+        bias += (parts[:, removed].sum(axis=1) + model._removed_level).tolist()
+        size = max(size, float(np.abs(parts[:, removed]).sum(axis=1).max()))
+    seconds = part.times.between(part.stamp(start), history.zero)
+    return {"rows": rows, "bias": bias, "tolerance": TOLERANCE * size + 1e-300, "seconds": seconds}

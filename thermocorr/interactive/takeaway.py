@@ -20,7 +20,7 @@ from ..files.effect_nodes import ImportNotAllowedError
 from ..files.model_file import content_of
 from ..files.result_files import write_corrected
 from ..files.writer import TEXT_MARK
-from ..firmware.export import export_c
+from ..firmware import export_c
 from ..foreign import HowToRead
 from ..pages import Answer
 from ..pages.report import report_text

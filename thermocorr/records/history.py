@@ -282,23 +282,6 @@ class History:
         fewer = History.of(self.record, self.end_states, self.max_gap, limit, self.screen)
         return replace(self, record=fewer.record, stride=self.stride * fewer.stride, known_gaps=self.gaps)
 
-    def varying_steps(self) -> tuple[float, float] | None:
-        """Lengths between which nine of ten steps of the fitted record lie [s]; None where they are the usual one.
-
-        A few rows that are missing, or a few gaps, are no steps that vary. Of a thinned record the mean steps over
-        `stride` rows are looked at.
-        """
-        parts = [
-            self.record.times.steps(self.record.rows(start, stop))[1 : None if self.stride == 1 else -1]
-            for start, stop, _ in self.record.segments
-        ]
-        steps = np.concatenate(parts) / self.stride
-        if not len(steps):
-            return None
-        low, high = np.quantile(steps, (0.05, 0.95)).tolist()
-        # Share of the usual step by which steps differ that vary: more than stamps that are rounded or late by a little
-        return (low, high) if max(high - self.usual_step, self.usual_step - low) > 0.05 * self.usual_step else None
-
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
         return self.record.times.between(later, earlier)
