@@ -16,9 +16,7 @@ import tempfile
 import warnings
 from collections import Counter
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -175,20 +173,14 @@ def command_case(rng, counts: Counter) -> list[str]:
         path, known, model, out = (f"{folder}/{name}" for name in ("log.csv", "corrected.csv", "model.json", "out.csv"))
         layout.dressed(log).assign(reading=log["reading"]).to_csv(path, index=False, na_rep=rng.choice(["", "NaN"]))
         if rng.random() < 0.5:
-            given = ("--reading", "reading", "--quiet", "--blocks", 2, "--out", folder)
+            given = ("--reading", "reading", "--out", folder)
             said = run("analyze", path, "--variant", "dynamic-linear", *given, *options(rng, layout, max_gap, labels))
         else:
             table, fitted, said = read_table(path), random_model(rng, layout, max_gap, labels is not None), []
             fitted.set_params(effects=[effect for effect in fitted.effects if isinstance(effect, fx.Effect)])
             fitted.fit(table, table["reading"]).evaluate(table, table["reading"]).to_csv(known)
             save_model(fitted, model)
-        files, saved = [path], []
-        if layout.kind != "rows" and rng.random() < 0.5:  # a log that grows
-            files, saved = [f"{folder}/part.csv", path], ["--state", f"{folder}/state.json"]
-            lines = Path(path).read_text().splitlines(keepends=True)
-            Path(files[0]).write_text("".join(lines[: rng.integers(2, len(lines))]))
-        with mock.patch.object(correct, "BLOCK", int(rng.choice([8192, 37, 5]))):
-            said += [text for file in files for text in run("correct", "--model", model, file, "--out", out, *saved)]
+        said += run("correct", "--model", model, path, "--out", out)
         if said:  # what has to wait for later samples is rightly refused
             return [text for text in said if "looks at samples that come later" not in text]
         got, expected = (pd.read_csv(file, dtype=str, keep_default_na=False)["corrected"] for file in (out, known))
@@ -199,8 +191,8 @@ def command_case(rng, counts: Counter) -> list[str]:
 def options(rng, layout: Layout, max_gap: float | None, labels) -> list:
     time = ["--sampling-period", layout.step] if layout.kind == "rows" else ["--time", layout.keywords["time"]]
     more = [*([] if max_gap is None else ["--max-gap", max_gap]), *([] if labels is None else ["--run", "run"])]
-    more += ["--time-constants", f"{5 * layout.step:g},{60 * layout.step:g}", "--degree", rng.integers(1, 4)]
-    return [*time, *more, *[[], ["--products"], ["--refine"]][rng.integers(3)]]
+    more += ["--time-constants", f"{5 * layout.step:g},{60 * layout.step:g}"]
+    return [*time, *more, *[[], ["--refine"]][rng.integers(2)]]
 
 
 def run(*arguments) -> list[str]:

@@ -62,5 +62,5 @@ def test_the_command_says_it(kelvin, told, tmp_path, capsys):
     record = make_record(6000, seed=3)[["temperature", "reading"]]
     record["temperature"] += kelvin * np.random.default_rng(0).standard_normal(6000)
     record.to_csv(tmp_path / "log.csv")
-    main(["analyze", str(tmp_path / "log.csv"), "--reading", "reading", "--quiet"])
+    main(["analyze", str(tmp_path / "log.csv"), "--reading", "reading"])
     assert ("the correction adds noise: Allan deviation" in capsys.readouterr().out) == told

@@ -117,7 +117,7 @@ def test_the_command_writes_what_is_advised(tmp_path, capsys):
     for name, reading in logs.items():
         X, y = hourly(20 + room, reading)
         X.assign(reading=y).to_csv(tmp_path / f"{name}.csv")
-    command = ["analyze", "--quiet", "--temperature", "temperature", "--reading", "reading", "--time", "time"]
+    command = ["analyze", "--temperature", "temperature", "--reading", "reading", "--time", "time"]
     assert main([*command, str(tmp_path / "static.csv"), "--out", str(tmp_path / "static")]) == 0
     assert capsys.readouterr().out.startswith("Use the static linear correction")
     assert len(load_model(tmp_path / "static" / "model.json").time_constants_) == 0

@@ -79,13 +79,13 @@ def test_there_is_room_for_what_matters_however_much_there_is_to_say(asked):
     files = tuple(f"/a/folder/with/a/long/name/file_{k}.csv" for k in range(6))
     answer = Answer.of(X, y, comparison=comparison, refinement=refinement, notes=many, files=files)
     assert fits(str(answer))
-    assert re.search(r"^\d+ more on the data: --verbose$", str(answer), re.M) and "Written: file_0.csv" in str(answer)
+    assert re.search(r"^\d+ more on the data: --json$", str(answer), re.M) and "Written: file_0.csv" in str(answer)
     assert answer.to_dict()["notes"] == list(many)
 
 
 def test_too_short_a_record_is_answered(tmp_path, capsys):
     make_record(60, seed=1).to_csv(tmp_path / "log.csv")
-    command = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "10min", "--quiet"]
+    command = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "10min"]
     assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["choice"] is None and told["verdict"] is None and told["error"]["after"] is None

@@ -4,13 +4,11 @@ import math
 from itertools import cycle, pairwise
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector
-from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.equations import MovingAverage
 from thermocorr.live.clock import Tracker
@@ -70,7 +68,7 @@ def test_a_huge_reading_leaves_with_its_window(huge):
     np.testing.assert_allclose([average.one(value) for value in values.tolist()], expected, rtol=1e-15)
 
 
-def test_batch_live_and_command_write_the_same_mean(tmp_path, capsys):
+def test_batch_and_live_write_the_same_mean():
     """Eqs. (9) (26)."""
     record = make_record(1200, seed=5)
     X, y = record.drop(columns="reading"), record["reading"]
@@ -81,12 +79,6 @@ def test_batch_live_and_command_write_the_same_mean(tmp_path, capsys):
     np.testing.assert_allclose(live["smoothed"], smoothed, rtol=1e-9)
     with pytest.raises(ValueError, match="average or return_std"):
         model.correct(X, y, average=25, return_std=True)
-    record.to_csv(tmp_path / "log.csv")
-    command = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "10min", "--variant", "dynamic-linear"]
-    assert main([*command, "--average", "25", "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    written = pd.read_csv(tmp_path / "out" / "corrected.csv")
-    np.testing.assert_allclose(written["smoothed"], smoothed, rtol=1e-9)
-    assert main([*command, "--average", "0"]) == 2 and "--average 0" in capsys.readouterr().err
 
 
 def test_a_reset_forgets():

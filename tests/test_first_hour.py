@@ -42,7 +42,7 @@ def as_csv(folder, frame, name="log.csv"):
 
 
 def analyze(path, *more):
-    return main(["analyze", path, "--time-constants", "5min,90min", "--quiet", *more])
+    return main(["analyze", path, "--time-constants", "5min,90min", *more])
 
 
 def test_a_column_that_is_named_as_something_else_is_not_the_time(record, tmp_path, capsys):
@@ -62,9 +62,7 @@ def test_a_model_whose_temperature_is_called_t_corrects_a_log(record, tmp_path, 
     model = DynamicBiasRegressor("t", ["5 min", "90 min"]).fit(frame[["t"]], frame["reading"])
     save_model(model, tmp_path / "model.json")
     path = as_csv(tmp_path, frame.reset_index()[["t", "time", "reading"]].rename(columns={"time": "stamp"}))
-    assert main(["correct", "--model", str(tmp_path / "model.json"), path]) == 2
-    assert "Name it with --time" in capsys.readouterr().err
-    assert main(["correct", "--model", str(tmp_path / "model.json"), path, "--time", "stamp"]) == 0
+    assert main(["correct", "--model", str(tmp_path / "model.json"), path]) == 0
     corrected = capsys.readouterr().out.splitlines()
     assert len(corrected) == ROWS + 1
 

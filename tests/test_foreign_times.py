@@ -87,7 +87,7 @@ def test_a_model_of_several_files_corrects_one_more(tmp_path, capsys):
         record["reading"] += level
         paths.append(str(tmp_path / f"run{number}.csv"))
         record.to_csv(paths[-1], index_label="time")
-    assert main(["analyze", *paths, "--time-constants", "5min,90min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert main(["analyze", *paths, "--time-constants", "5min,90min", "--out", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().out.count("different levels") <= 1
     analysed = pd.read_csv(tmp_path / "out" / "corrected.csv")
     assert main(["correct", paths[1], "--model", str(tmp_path / "out" / "model.json")]) == 0
@@ -124,21 +124,6 @@ def test_utc_behind_times_is_understood(form):
         read_times(pd.Series([times[0].strftime(form), form[:8]], name="time"))
 
 
-@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S UTC", "%d.%m.%Y %H:%M:%S GMT"])
-def test_utc_behind_times_is_followed_as_it_is_read_whole(form, tmp_path, capsys):
-    record = make_record(1200, seed=2)[["temperature", "reading"]]
-    record.index = record.index.strftime(form)
-    log, model = str(tmp_path / "log.csv"), str(tmp_path / "out" / "model.json")
-    record.to_csv(log, index_label="time")
-    assert main(["analyze", log, "--time-constants", "5min,90min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    found = []
-    for more in ([], ["--follow", "--idle", "0.2"]):
-        capsys.readouterr()
-        assert main(["correct", log, "--model", model, *more]) == 0
-        found.append(pd.read_csv(io.StringIO(capsys.readouterr().out))["corrected"])
-    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
-
-
 def times_in(form, seconds):
     """Times of a log: numbers of a unit, or text."""
     if form == "clock":
@@ -152,14 +137,14 @@ def times_in(form, seconds):
     ("name", "form"), [("time [min]", "min"), ("epoch_ms", "ms"), ("time", "clock"), ("elapsed", "days")]
 )
 def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, tmp_path, capsys, monkeypatch):
-    """The corrected log is analysed as the log was, and corrected alike whole, followed and through a pipe."""
+    """The corrected log is analysed as the log was, and corrected alike whole and line by line."""
     record = make_record(1200, seed=2)[["temperature", "reading"]].reset_index(drop=True)
     record.insert(0, name, times_in(form, 60.0 * np.arange(1200)))
     log, out = tmp_path / "log.csv", tmp_path / "out"
     record.to_csv(log, index=False)
 
     def analysed(path):
-        options = ["--time", name, "--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+        options = ["--time", name, "--time-constants", "5min,90min", "--out", str(out), "--force"]
         assert main(["analyze", str(path), *options]) == 0
         return capsys.readouterr().out.split("readings of")[1].split("Written")[0]
 
@@ -168,9 +153,9 @@ def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, 
     assert pd.read_csv(written)[name].equals(pd.read_csv(log)[name])
     for path in (log, written):
         found = []
-        for way in ([str(path)], [str(path), "--follow", "--idle", "0"], ["-"]):
-            if form == "clock" and way != [str(path)]:
-                continue  # a time of day alone is understood from the whole log
+        for way in ([str(path)], ["-"]):
+            if form in ("clock", "ms") and way != [str(path)]:
+                continue  # such times are understood from the whole log
             with path.open() as stream:
                 monkeypatch.setattr("sys.stdin", stream)
                 assert main(["correct", *way, "--model", str(out / "model.json"), "--time", name]) == 0
@@ -178,7 +163,7 @@ def test_what_is_written_has_the_times_of_the_log_and_is_read_again(name, form, 
             frame = pd.read_csv(io.StringIO(shown.out))
             found.append(frame["corrected" if path == log else "corrected_thermocorr"])
             assert frame["flag" if path == log else "flag_thermocorr"].isna().all()
-            assert ("times in" in shown.err) == (form in ("min", "ms"))
+            assert ("times in" in shown.err) == (form in ("min", "ms") and way != ["-"])
             assert form == "clock" or pd.read_csv(log)[name].equals(frame[name])
         for other in found:
             np.testing.assert_allclose(other, pd.read_csv(written)["corrected"], rtol=0, atol=1e-9)
@@ -194,7 +179,7 @@ def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys)
     index = record.index - record.index[0] if spans else record.index
     record.set_axis(index).rename_axis(name).to_parquet(tmp_path / "log.parquet")
     again, out = tmp_path / "again.csv", tmp_path / "out"
-    options = ["--time-constants", "5min,90min", "--out", str(out), "--force", "--quiet"]
+    options = ["--time-constants", "5min,90min", "--out", str(out), "--force"]
     assert main(["analyze", str(tmp_path / "log.parquet"), *options]) == 0
     again.write_bytes((out / "corrected.csv").read_bytes())
     named = [] if name is None else ["--time", name]
@@ -215,7 +200,7 @@ def test_times_of_several_files_are_written_as_they_came(tmp_path, capsys):
         record.insert(0, "time [min]", 0.1 + np.arange(800.0))
         paths.append(str(tmp_path / f"run{number}.csv"))
         record.to_csv(paths[-1], index=False)
-    assert main(["analyze", *paths, "--time-constants", "5min", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert main(["analyze", *paths, "--time-constants", "5min", "--out", str(tmp_path / "out")]) == 0
     written = pd.read_csv(tmp_path / "out" / "corrected.csv")["time [min]"]
     assert written.tolist() == 2 * (0.1 + np.arange(800.0)).tolist()
 
@@ -230,7 +215,7 @@ def test_a_comma_before_the_fraction_of_a_second_is_a_point(separator, behind, t
     record.index = [f"{time:%Y-%m-%d %H:%M:%S},{time.microsecond // 1000:03d}{behind}" for time in times]
     log, out = str(tmp_path / "log.csv"), tmp_path / "out"
     record.to_csv(log, index_label="time", sep=separator)
-    assert main(["analyze", log, "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert main(["analyze", log, "--time-constants", "5min", "--out", str(out)]) == 0
     written = pd.read_csv(out / "corrected.csv", parse_dates=["time"])
     assert (written["time"].dt.tz_localize(None).to_numpy() == times.to_numpy()).all()
     for more in ([], ["--follow", "--idle", "0"]):
@@ -248,7 +233,7 @@ def test_words_for_no_value_are_said_and_leave_a_gap(word, written, capsys):
     assert table.said == (f"2 cells of 'reading' without a value, such as {word!r}",)
     assert np.flatnonzero(np.isnan(reading)).tolist() == [5, 6]
     out = path.parent / "out"
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out)]) == 0
     capsys.readouterr()
     assert main(["correct", str(path), "--model", str(out / "model.json")]) == 0
     shown, analysed = pd.read_csv(io.StringIO(capsys.readouterr().out)), pd.read_csv(out / "corrected.csv")
@@ -263,7 +248,7 @@ def test_minus_signs_of_typesetters_are_minus_signs(sign, written, capsys):
     path = written("time,temperature,reading\n" + rows)
     np.testing.assert_array_equal(understood(path)[1], cold)
     out = path.parent / "out"
-    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out), "--quiet"]) == 0
+    assert main(["analyze", str(path), "--time-constants", "5min", "--out", str(out)]) == 0
     capsys.readouterr()
     assert main(["correct", str(path), "--model", str(out / "model.json")]) == 0
     shown, analysed = pd.read_csv(io.StringIO(capsys.readouterr().out)), pd.read_csv(out / "corrected.csv")

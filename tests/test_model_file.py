@@ -27,7 +27,7 @@ def readings(X, seed=0):
 
 
 def there_and_back(model, path, **options):
-    save_model(model, path / "model.json", **options)
+    save_model(model, path / "model.json", force=True, **options)
     return load_model(path / "model.json")
 
 

@@ -171,7 +171,7 @@ def test_the_command_learns_corrects_and_exports(tmp_path, capsys):
     log, _ = board(9)
     path, out = tmp_path / "board.csv", tmp_path / "out"
     log.to_csv(path)
-    words = ["--reference", "room_sensor", "--refine", "--deployable", "--out", str(out), "--quiet"]
+    words = ["--reference", "room_sensor", "--refine", "--deployable", "--out", str(out)]
     assert main(["analyze", str(path), *words]) == 0
     shown = capsys.readouterr().out
     assert "refined" in shown and "offset alone" in shown

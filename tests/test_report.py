@@ -356,7 +356,7 @@ def test_the_command_writes_the_report(tmp_path, capsys):
     log = tmp_path / "a'b <i>.csv"
     record.to_csv(log, index=False)
     report = tmp_path / "sub" / "page.html"
-    options = ["--reading", "reading", "--time-constants", "10min,2h", "--quiet", "--blocks", "2"]
+    options = ["--reading", "reading", "--time-constants", "10min,2h"]
     assert main(["analyze", str(log), *options, "--report", str(report)]) == 0
     assert f"Written: page.html in {report.parent}" in capsys.readouterr().out.replace("\n  ", "")
     html = report.read_text(encoding="utf-8")

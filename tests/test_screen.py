@@ -297,7 +297,7 @@ def test_the_command_says_what_it_left_out(clean, tmp_path, capsys):
     X, y, _ = spoiled(*clean)
     log = X.iloc[:5000].assign(reading=y.iloc[:5000])
     log.to_csv(tmp_path / "log.csv")
-    given = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "5min,90min", "--quiet"]
+    given = ["analyze", str(tmp_path / "log.csv"), "--time-constants", "5min,90min"]
     assert main([*given, "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "Data: 2 readings left out as spikes: rows 120, 4711.\n" in said and said.count("left out as spike") == 1

@@ -80,7 +80,7 @@ def test_headers():
     assert header_of(b",a,\n") == ["", "a", ""]
     assert header_of(b"a,b,a\n") == ["a (column 1)", "b", "a (column 3)"]
     for line, words in (
-        (b"\n", "Line 1 is empty"), (b"1.5,2\n", "is a row already.*--names"),
+        (b"\n", "Line 1 is empty"), (b"1.5,2\n", "is a row already.*Write a line with the names"),
         (b"a;b\n", "semicolons or tabs"), (b"a\tb\n", "tabs"),
         (b"\xff\xfea\x00\n", "The header, line 1, cannot be read"),
     ):  # fmt: skip

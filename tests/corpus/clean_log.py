@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, load_model, save_model
 from thermocorr.command.cli import main
@@ -47,17 +48,18 @@ def save_fitted(path):
 
 
 class Shown:
-    """What `thermocorr correct` did with a log."""
+    """What `thermocorr correct -` did with the lines of a log."""
 
     def __init__(self, folder, content, options, model, capsys):
         (folder / "log.csv").write_bytes(content)
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), (folder / "log.csv").open() as file, pytest.MonkeyPatch.context() as patch:
             warnings.simplefilter("error", RecordWarning)  # it would be a stray line on standard error
-            self.status = main(["correct", "--model", str(model), str(folder / "log.csv"), *map(str, options)])
+            patch.setattr("sys.stdin", file)
+            self.status = main(["correct", "--model", str(model), "-", *map(str, options)])
         printed = capsys.readouterr()
         self.err = printed.err
         self.header, *self.rows = list(csv.reader(io.StringIO(printed.out, newline=""))) or [[]]
-        self.named = [int(line.split()[2]) for line in self.err.splitlines() if "is left out" in line]
+        self.named = [int(line.split()[2]) for line in self.err.splitlines() if line.startswith("thermocorr: line ")]
         assert all(line.startswith("thermocorr: ") for line in self.err.splitlines())
 
 

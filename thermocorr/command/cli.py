@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
 import os
 import shlex
 import sys
@@ -14,7 +13,6 @@ from importlib import import_module
 from typing import Any
 
 from .._version import __version__
-from .stopping import Endings, Stopped, Terminated, held_back
 
 COMMANDS = {
     "analyze": "compare corrections of a log, say what is missing, write the corrected log and the model",
@@ -29,27 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
 
     Returns the exit status: 0; 1 for a log with damaged rows, which got no result; 2 for what could not be done, with
-    one sentence on standard error; 130 or 143 where a signal ended it.
+    one sentence on standard error; 130 after Ctrl-C. A fault of the package is a traceback.
     """
-    try:
-        with Endings():
-            return _executed(_options(sys.argv[1:] if arguments is None else list(arguments)))
-    except KeyboardInterrupt:  # before the command had begun, or when it had ended
-        return _ended("stopped", 130)
-    except Terminated as ended:
-        return _ended("stopped", int(ended.code or 0))
-    except RuntimeError as error:
-        status = _signal_behind(error)
-        if not status:
-            raise
-        return _ended("stopped", status)
-
-
-def _signal_behind(error: RuntimeError) -> int:
-    """Exit status of a signal that came while a class was made, 0 without one: Python 3.11 hides it behind an error."""
-    if isinstance(error.__cause__, KeyboardInterrupt):
-        return 130
-    return int(error.__cause__.code or 0) if isinstance(error.__cause__, Terminated) else 0
+    return _executed(_options(sys.argv[1:] if arguments is None else list(arguments)))
 
 
 def _options(given: list[str]) -> argparse.Namespace:
@@ -62,8 +42,7 @@ def _options(given: list[str]) -> argparse.Namespace:
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)
         if name in given[:1]:  # the others need not be loaded
-            with held_back(), _loaded_to_stay():
-                module = import_module(f".{name.replace('-', '_')}", __package__)
+            module = import_module(f".{name.replace('-', '_')}", __package__)
             command.description = module.__doc__
             module.add_arguments(command)
             command.set_defaults(execute=module.run)
@@ -72,26 +51,9 @@ def _options(given: list[str]) -> argparse.Namespace:
     return options
 
 
-@contextlib.contextmanager
-def _loaded_to_stay() -> Iterator[None]:
-    """While modules are loaded the collector of garbage waits; from then on it passes over all that is there.
-
-    To look through them, time and again, took a sixth of a short command.
-    """
-    before, collecting = len(sys.modules), gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if len(sys.modules) > before:
-            gc.freeze()
-        if collecting:
-            gc.enable()
-
-
 def _executed(options: argparse.Namespace) -> int:
     """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
-    from ..records.errors import as_command
+    from ..records.errors import RecordError, as_command
 
     try:
         with _warnings_as_notes(), as_command():
@@ -102,19 +64,20 @@ def _executed(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader has gone: `thermocorr correct ... | head`
         _abandon_output()
         return 0
-    except Stopped as stopped:
-        return _ended(str(stopped), stopped.status)
     except KeyboardInterrupt:
         return _ended("stopped", 130)
-    except Terminated as ended:
-        return _ended("stopped", int(ended.code or 0))
     except MemoryError:
         return _ended("error: there is not enough memory for this. Analyse a shorter log, or close other programs.", 2)
-    except (ValueError, TypeError, ImportError, ArithmeticError) as error:
-        return _ended(f"error: {' '.join(str(error).split()) or type(error).__name__}", 2)
     except OSError as error:
         _abandon_output()
+        if isinstance(error, RecordError):  # has a sentence of its own
+            return _ended(f"error: {' '.join(str(error).split())}", 2)
         return _ended(f"error: {error.filename or 'The output'}: {error.strerror or error}.", 2)
+    except (ValueError, ImportError) as error:
+        return _ended(f"error: {' '.join(str(error).split()) or type(error).__name__}", 2)
+    except Exception as error:
+        error.add_note(f"This is a fault of thermocorr {__version__}. Please report it with the lines above.")
+        raise
 
 
 def _ended(text: str, status: int) -> int:

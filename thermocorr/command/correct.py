@@ -1,309 +1,42 @@
-"""`thermocorr correct`: a log through a fitted model, whole or line by line while it grows."""
+"""`thermocorr correct`: a log through a fitted model, a whole file, or line by line."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
+import stat
 import sys
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from ..files import AppendedFile, OutputError, Outputs, write_file
-from ..files.codec import ModelFileError, counted, fields, parse, read_bytes, text
+import pandas as pd
+
+from ..estimators import DynamicBiasRegressor
+from ..estimators.unit_guard import UnitGuard
+from ..files import Outputs
 from ..files.model_file import load
-from ..files.writer import Position
+from ..files.result_files import write_csv
+from ..foreign import RUN, ForeignTable, HowToRead, read_log, time_of, with_times
 from ..live.corrector import OnlineCorrector
 from ..records import RecordError, RecordWarning
-from ..records.errors import printable, times_word
-from ..records.files import CUT, csv_text, fields_of
-from .lines import Lines, TableLines, open_lines
+from ..records.errors import existing_file, listing, printable, quoted, times_word
+from ..records.files import LONGEST, csv_text
+from ..records.numbers import span_text
+from ..records.times import dates_once
+from ..records.units import unit_of
+from .line_rows import LineRows
 from .loading import OneColumn, add_table_options, how_to_read, number_or_span
-from .log_rows import LogRow, LogRows
-from .stopping import Stopped, StopSignal
 
-
-@dataclass(frozen=True)
-class Saved:
-    """Content of a state file."""
-
-    live: OnlineCorrector
-    rows: int
-    """Rows that it has seen."""
-    lines: int
-    """Lines of the log that it has read."""
-    out: Position | None
-    """Where the file of results stood."""
-    source: Position | None
-    """Where the log stood."""
-
-
-def read_state(path: str, model: Any) -> Saved:
-    """Read the state saved for this model; ModelFileError for anything else."""
-    try:
-        node = fields(parse(read_bytes(path)), "$", ("stream", "rows", "lines", "out", "source"))
-        out, source = (_position(node[key], f"$.{key}") for key in ("out", "source"))
-        rows, lines = counted(node["rows"], "$.rows"), counted(node["lines"], "$.lines")
-        return Saved(OnlineCorrector.from_state(model, node["stream"]), rows, lines, out, source)
-    except ModelFileError as error:
-        raise ModelFileError(f"{path}: {error} Remove the file to start afresh.") from None
-    except OSError as error:
-        raise ModelFileError(f"{path} cannot be read: {error.strerror}. Remove it to start afresh.") from None
-
-
-def _position(node: Any, where: str) -> Position | None:
-    if node is None:
-        return None
-    node = fields(node, where, ("length", "digest"))
-    return Position(counted(node["length"], f"{where}.length"), text(node["digest"], f"{where}.digest"))
-
-
-class Results:
-    """Base: rows are written; `keep` makes what was written so far last, and the state with it.
-
-    A state is saved only with the rows that it has seen: whatever ends the process, the next one finds in the file of
-    results what the state does not know yet, and goes on behind it.
-    """
-
-    def __init__(self, rows: LogRows, options: argparse.Namespace, inputs: list[str], lines: Lines):
-        self.rows, self.options, self.inputs, self.lines = rows, options, inputs, lines
-        self._first_new = True
-        self._to_skip = self.skipped = 0
-
-    def __enter__(self) -> Results:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def write(self, rows: bytes) -> None:
-        """Write whole rows."""
-        raise NotImplementedError
-
-    def _commit(self) -> Position | None:
-        """Make the rows so far last."""
-        raise NotImplementedError
-
-    def keep(self) -> None:
-        """Make the rows so far last, and save the state."""
-        out = self._commit()
-        if not self.options.state:
-            return
-        source, rows = self.lines.position(), self.rows
-        node = {
-            "stream": rows.live.state(),
-            "rows": rows.done,
-            "lines": rows.number,
-            "out": None if out is None else out._asdict(),
-            "source": None if source is None else source._asdict(),
-        }
-        inputs = [*self.inputs, *([self.options.out] if self.options.out else [])]
-        write_file(self.options.state, json.dumps(node) + "\n", inputs=inputs, force=self.options.force)
-
-    def finish(self, stopped: bool) -> str:
-        """Make all rows last; returns what was kept, in words."""
-        self.keep()
-        if self.skipped:
-            said = f"{times_word(self.skipped, 'line')} {'was' if self.skipped == 1 else 'were'} corrected before"
-            print(f"thermocorr: {said}, by the saved state", file=sys.stderr)
-        return "state saved" if self.options.state else "no state saved (--state FILE keeps one to go on from)"
-
-    def resume(self, saved: Saved) -> bool:
-        """Go on where the state was saved; returns whether the log is at that place again."""
-        self.rows.done = saved.rows
-        if self.lines.skip_to(saved.source):
-            self.rows.number, self.skipped, self._first_new = saved.lines, saved.rows, False
-            return True
-        if self.options.log != "-":
-            self._to_skip = saved.rows
-        return False
-
-    def seen(self, sample: LogRow) -> bool:
-        """True if the state from which this run goes on knows a row: another file may begin with such ones."""
-        if not self._first_new:
-            return False
-        if sample.stamp is None:
-            self._first_new = self.skipped + 1 < self._to_skip
-            known = self.skipped < self._to_skip
-        else:
-            known = self._first_new = self.rows.live.has_seen(sample.stamp, sample.run)
-        self.skipped += known
-        return known
-
-
-class Printed(Results):
-    """Rows go to standard output."""
-
-    def write(self, rows: bytes) -> None:
-        """Write whole rows; at once where the log is followed."""
-        sys.stdout.buffer.write(rows)
-        if self.options.follow:
-            sys.stdout.buffer.flush()
-
-    def _commit(self) -> None:
-        sys.stdout.buffer.flush()
-
-
-class Drafted(Results):
-    """A whole log's results: the file takes its place when all are there."""
-
-    def __init__(self, *arguments: Any):
-        super().__init__(*arguments)
-        self._outputs = Outputs(self.inputs, self.options.force)
-        self._file = self._outputs.open(self.options.out)
-
-    def __exit__(self, *_: object) -> None:
-        self._outputs.discard()
-
-    def write(self, rows: bytes) -> None:
-        """Write whole rows to the draft."""
-        try:
-            self._file.write(rows)
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            raise OutputError(f"{self.options.out} cannot be written: {error.strerror}. It is unchanged.") from None
-
-    def _commit(self) -> None:
-        pass
-
-    def finish(self, stopped: bool) -> str:
-        """Let the file take its place, unless the log was not read to its end."""
-        if stopped:
-            return f"nothing was written to {self.options.out}"
-        self._outputs.commit()
-        return f"{self.options.out} is written"
-
-
-class WrittenRows:
-    """Rows of a file of results, as long as a log repeats them one after the other.
-
-    `path` (path). `width` (int): Columns of the log, which stand before the results.
-    """
-
-    def __init__(self, path: str, width: int):
-        self._path, self._width = path, width
-        self._ahead: Iterator[list[str]] | None = None
-        self.count = 0
-        """Rows that have been looked at: all of the file's, once a row was searched in vain."""
-
-    def repeated(self, fields: list[str], anywhere: bool) -> bool:
-        """True if a row is the next one, in every character; the first row may stand `anywhere`, or at the start."""
-        if self._ahead is not None:
-            return next(self._ahead, None) == fields
-        self._ahead = self._rows()
-        return any(row == fields for row in (self._ahead if anywhere else islice(self._ahead, 1)))
-
-    def _rows(self) -> Iterator[list[str]]:
-        with open(self._path, "rb") as file:
-            next(file, None)
-            for line in file:
-                self.count += 1
-                yield fields_of(line)[: self._width]
-
-
-class Appended(Results):
-    """Rows go to a file that can be watched, and taken up again with the state."""
-
-    file: AppendedFile
-    _known: WrittenRows | None = None
-    _before = 0
-    """Rows that the corrector had seen before this run."""
-
-    def seen(self, sample: LogRow) -> bool:
-        """True if a row at the beginning stands in the file: a log may come again, from its start or any row on.
-
-        A row that differs is a new one, whatever its time says: the log's time may be damaged. Only where the file does
-        not hold all rows that the state has seen, the time alone tells.
-        """
-        if not self._first_new or self._known is None:
-            return super().seen(sample)
-        if self._known.repeated(sample.fields, anywhere=sample.stamp is not None):
-            self.skipped += 1
-            return True
-        complete, self._known = self._known.count >= self._before, None
-        if self.skipped or (complete and sample.stamp is not None):
-            self._first_new = False
-        return super().seen(sample)
-
-    def __exit__(self, *_: object) -> None:
-        self.file.close()
-
-    def begin(self, header: bytes, saved: Saved | None) -> None:
-        """Open the file, or take it up where the state was saved, with the rows that came behind.
-
-        A pipe or a device begins anew: it holds no rows that could come twice.
-        """
-        options = self.options
-        at_place = saved is not None and self.resume(saved)
-        if saved is None or not os.path.isfile(options.out) or (saved.out is None and options.force):
-            others = [options.state] if options.state else []
-            self.file = AppendedFile.new(options.out, [*self.inputs, *others], options.force, header)
-            return
-        if saved.out is None:
-            raise OutputError(
-                f"{options.out} is there already, and the state in {options.state} was saved without it: rows could "
-                "come twice. Name another file, or overwrite it with --force."
-            )
-        self.file = AppendedFile.resumed(options.out, saved.out)
-        try:
-            self._take_up(header, saved.out.length, at_place)
-        except BaseException:
-            self.file.close()
-            raise
-
-    def _take_up(self, header: bytes, length: int, at_place: bool) -> None:
-        out = self.options.out
-        with open(out, "rb") as file:
-            if file.readline() != header:
-                raise OutputError(
-                    f"{out} has other columns than the results of this log. Name another file for the rows to come."
-                )
-        if at_place:
-            self.file.cut(length)
-            return
-        assert self.rows.header is not None
-        width = len(self.rows.header)
-        self.rows.replay([fields_of(row)[:width] for row in self.file.rows_behind(length)])
-        self._known, self._before = WrittenRows(out, len(self.rows.header)), self.rows.done
-
-    def write(self, rows: bytes) -> None:
-        """Write whole rows."""
-        self.file.write(rows)
-
-    def _commit(self) -> Position | None:
-        return self.file.commit()
-
-
-def open_results(
-    rows: LogRows, header: bytes, options: argparse.Namespace, inputs: list[str], saved: Saved | None, lines: Lines
-) -> Results:
-    """Open the output that the options ask for; its header is written, or was before."""
-    if options.out is not None and not options.follow and not options.state:
-        drafted = Drafted(rows, options, inputs, lines)
-        drafted.write(header)
-        return drafted
-    if options.out is None:
-        printed = Printed(rows, options, inputs, lines)
-        if saved is not None:
-            printed.resume(saved)
-        printed.write(header)
-        return printed
-    appended = Appended(rows, options, inputs, lines)
-    appended.begin(header, saved)
-    appended.keep()
-    return appended
-
-
-STATE_EVERY = 10.0
-"""Time between savings of the state [s]."""
-BLOCK = 8192
-"""Rows that are corrected together."""
+POLL = 0.1
+"""Time between looks at a log that does not grow [s]."""
+REFUSED = ("stale time", "backward time")
+"""Flags of rows that get no result for their time."""
+MANY = 0.1
+"""Share of flagged rows from which it is said how many there are."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -312,21 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "log",
         nargs="?",
         default="-",
-        help="CSV, text, spreadsheet, Parquet or Feather; - or nothing: plain CSV from standard input",
+        help="a file as for analyze; - or nothing: plain CSV from standard input, line by line",
     )
     add_table_options(parser)
     parser.add_argument(
         "--model", required=True, metavar="FILE", help="model.json, as `thermocorr analyze --out` writes"
     )
     parser.add_argument(
-        "--follow", action="store_true", help="go on as the log grows; write and flush what came at once"
+        "--follow", action="store_true", help="read a file of plain CSV line by line, and go on as it grows"
     )
-    parser.add_argument("--out", metavar="FILE", help="where to write (default: standard output)")
-    parser.add_argument(
-        "--state", metavar="FILE", help="save the state there, and go on from it next time, --out included"
-    )
-    parser.add_argument("--idle", type=float, metavar="SECONDS", help="with --follow: end after so long without a line")
-    parser.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
+    parser.add_argument("--out", metavar="FILE", help="where to write a whole log (default: standard output)")
+    parser.add_argument("--force", action="store_true", help="overwrite what is there already")
     columns = parser.add_argument_group("columns of the log (default: those of the model)")
     columns.add_argument(
         "--temperature",
@@ -354,103 +83,223 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> int:
-    """Filter the log: results to standard output or --out, complaints about lines to standard error.
+    """Correct the log: results to standard output or --out, what is wrong with it to standard error.
 
-    Returns 1 where lines were left out or refused for their time, else 0.
+    Returns 1 where rows were left out or refused for their time, else 0.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("always", RecordWarning)
-        return _run(options)
-
-
-def _run(options: argparse.Namespace) -> int:
-    model = load(options.model)
-    live = OnlineCorrector(model, average=options.average, track=options.track, uncertainty=options.uncertainty)
-    saved = None
-    if options.state and Path(options.state).exists():
-        saved = read_state(options.state, model)
-        live = saved.live
-    inputs = [options.model, *([] if options.log == "-" else [options.log])]
-    claims = Outputs(inputs, options.force)
-    for path in (options.state, options.out):
-        if path is not None:
-            claims.claim(path)
-    with StopSignal() as stop:
-        untimed = model.features_.history_.kind == "rows"
-        times = "" if untimed else options.time or model.time  # "": no column is looked at for times
-        idle = options.idle if options.follow else None
-        how = how_to_read(options, (*live.columns, *model.thermometers_, model.reading_.name, model.run))
-        lines = open_lines(options.log, options.follow, idle, stop, how, times, getattr(model, "_log_form", {}))
-        try:
-            name = lines.time_name if isinstance(lines, TableLines) else None
-            rows = LogRows(live, options, _complain, time_name=name, place=lines.place, units=lines.units())
-            _pump(rows, lines, options, inputs, saved, stop)
-        finally:
-            lines.close()
-    return 1 if rows.damaged else 0
-
-
-def _pump(
-    rows: LogRows, lines: Lines, options: argparse.Namespace, inputs: list[str], saved: Saved | None, stop: StopSignal
-) -> None:
-    """Lines in, rows out, until the lines end or a signal comes."""
-    stream = iter(lines)
-    first = next((line for line in stream if line is not None), None)
-    if first is None:
-        if stop.number is not None:
-            raise Stopped(stop.number, "stopped before the first line; nothing was written")
-        raise RecordError("The log is empty: a header line with the columns' names is needed, then the samples.")
-    names = rows.begin(first)
-    rows.says_unix = not isinstance(lines, TableLines)
-    if isinstance(lines, TableLines) and lines.said:
-        _complain(f"read as: {', '.join(lines.said)}")
-    if rows.time_unit and not isinstance(lines, TableLines):
-        _complain(f"read as: times in {rows.time_unit}")
-    with open_results(rows, csv_text([names]), options, inputs, saved, lines) as results:
-        _corrected(rows, stream, lines, results)
-        kept = results.finish(bool(stop))
-    if lines.rest:
-        rows.number += 1
-        rows.leave_out(CUT)
-    whole = options.out is not None and not options.follow and stop.number is None
-    for summary in (rows.summary(), rows.trust.summary() if whole else ""):
-        if summary:
-            _complain(summary)
-    if stop.number is not None:
-        raise Stopped(stop.number, f"stopped after row {rows.done}, {kept}")
-
-
-def _corrected(rows: LogRows, stream: Iterator[bytes | None], lines: Lines, results: Results) -> None:
-    """Block by block; what is there is written as soon as nothing more is, or a while after it came."""
-    samples: list[LogRow] = []
-    saved = written = time.monotonic()
-    patience = 0.1 if results.options.follow else STATE_EVERY
-
-    def correct() -> None:
-        if samples:
-            shown = rows.many(samples)
-            results.write(csv_text([*sample.fields, *cells] for sample, cells in zip(samples, shown, strict=True)))
-            samples.clear()
-
-    for line in stream:
-        if line is not None and lines.restarted:
-            lines.restarted = False
-            correct()
-            rows.begin(line, new_file=True)
-            continue
-        sample = None if line is None else rows.read(line)
-        if sample is not None and not results.seen(sample):
-            samples.append(sample)
-        now = time.monotonic()
-        if line is None or len(samples) == BLOCK or now - written > patience:
-            correct()
-            written = now
-        if now - saved > STATE_EVERY:
-            correct()
-            results.keep()
-            saved = now
-    correct()
+        model = load(options.model)
+        live = OnlineCorrector(model, average=options.average, track=options.track, uncertainty=options.uncertainty)
+        if options.log == "-" or options.follow:
+            return _followed(live, options)
+        path = existing_file(options.log)
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise RecordError(
+                f"{path} is no regular file. Pass a pipe as standard input: thermocorr correct - < {path}"
+            )
+        return _whole(live, options, path)
 
 
 def _complain(text: str) -> None:
     print(f"thermocorr: {printable(text)}", file=sys.stderr)
+
+
+# --------------------------------------------------------------------------------------------------------- a whole file
+
+
+def _whole(live: OnlineCorrector, options: argparse.Namespace, path: Path) -> int:
+    """Read a file as `thermocorr analyze` does, and write it with its results."""
+    model = live.model
+    with Outputs([options.model, path], options.force) as outputs:
+        if options.out is not None:
+            outputs.claim(options.out)
+        how = how_to_read(options)
+        table = read_log(path, how)
+        called = _called(model, options)
+        reading = options.reading or model.reading_.name
+        X, table = _as_fitted(model, table, called, options.time, how, path)
+        if reading not in table.frame.columns:
+            raise RecordError(_lacks(table.frame, reading, "reading"))
+        y = pd.Series(table.frame[reading].to_numpy(), X.index, name=reading)
+        y.attrs = {"units": {reading: unit_of(reading, table.frame)}}
+        results = live.update_many(X, y)
+        for words in table.said:
+            _complain(f"read as: {words}")
+        _say_flags(model, results["flag"], results["corrected"])
+        stamped = isinstance(table.frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        if options.out is not None:
+            write_csv(outputs.open(options.out), table.as_it_came(), results, stamped)
+        else:
+            write_csv(sys.stdout.buffer, table.as_it_came(), results, stamped)
+            sys.stdout.buffer.flush()
+    return int(results["flag"].isin(REFUSED).any())
+
+
+def _called(model: DynamicBiasRegressor, options: argparse.Namespace) -> dict[Any, str]:
+    """Column of the log for each thermometer of the model that --temperature names."""
+    given, own = options.temperature or [], list(model.thermometers_)
+    if len(given) > 1 and len(given) != len(own):
+        raise RecordError(
+            f"--temperature names {len(given)} columns ({listing(given)}); the model has "
+            f"{times_word(len(own), 'thermometer')}: {listing(own)}. Name one for each, in this order, or the first "
+            "alone."
+        )
+    return dict(zip(own, given, strict=False))
+
+
+def _lacks(frame: pd.DataFrame, name: object, option: str = "") -> str:
+    hint = f" Name it with --{option}." if option else ""
+    return f"The log has no column {quoted(name)}; it has {listing(frame.columns)}.{hint}"
+
+
+def _as_fitted(
+    model: DynamicBiasRegressor,
+    table: ForeignTable,
+    called: dict[Any, str],
+    time_column: str | None,
+    how: HowToRead,
+    path: Path,
+) -> tuple[pd.DataFrame, ForeignTable]:
+    """The log's columns under the names of the fitted record, with times of its kind; and the log."""
+    frame, history = table.frame, model.features_.history_
+    stamped = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    used = [called.get(name, name) for name in (*model.thermometers_, *history.record.columns)]
+    free = (*how.no_times, *map(str, used))
+    own = time_column or (model.time if model.time in frame.columns else time_of(frame, free))
+    if history.kind != "rows" and not stamped:
+        if own is None or own not in frame.columns:
+            raise RecordError(_lacks(frame, own or model.time or "time", "time"))
+        table = with_times(table, own, how)
+        frame = table.frame
+    guard = UnitGuard.of(model)
+    for name in guard.ranges:
+        column = called.get(name, str(name))
+        guard.check_temperature(name, unit_of(column, frame), column=column)
+    taken = {old: new for new, old in called.items()}
+    for name in (*model.thermometers_, *model.features_.history_.record.columns):
+        if called.get(name, name) not in frame.columns:
+            raise RecordError(
+                _lacks(frame, called.get(name, name), "temperature" if name in model.thermometers_ else "")
+            )
+    X = frame.drop(columns=[name for name in taken.values() if name in frame.columns and name not in taken])
+    X = X.rename(columns=taken)
+    X.attrs = {"units": {taken.get(name, name): unit_of(name, frame) for name in frame.columns}}
+    if history.kind != "rows" and not stamped:
+        times = _times_as_fitted(dates_once(frame[own]), str(own), history.kind)
+        X = X.assign(**{str(model.time): times}) if model.time is not None else X.set_index(pd.Index(times))
+    elif stamped and model.time is not None:
+        X[model.time] = X.index
+    if model.run == RUN and RUN not in X:  # learned from several files, each a run: this is one more
+        X[RUN] = path.name
+    elif model.run is not None and model.run not in X:
+        raise RecordError(_lacks(frame, model.run))
+    return X, table
+
+
+def _times_as_fitted(times: pd.Series[Any], name: str, kind: str) -> pd.Series[Any]:
+    """Times of the fitted kind; RecordError where one has a zone and the other has none."""
+    if kind == "timedelta" and times.dtype.kind in "if":
+        return pd.to_timedelta(times, unit="s")
+    zoned = kind == "datetime with time zone"
+    if (
+        times.dtype.kind != "M"
+        or not kind.startswith("datetime")
+        or isinstance(times.dtype, pd.DatetimeTZDtype) == zoned
+    ):
+        return times
+    raise RecordError(
+        f"The times in {quoted(name)} have no zone, and those that the model was fitted to have one: pass --timezone "
+        "with the logger's, such as --timezone Europe/Berlin."
+        if zoned
+        else f"The times in {quoted(name)} have a zone, and those that the model was fitted to have none: write them "
+        "as the fitted log has them, or fit the model to times with their zone (--timezone)."
+    )
+
+
+def _say_flags(model: DynamicBiasRegressor, flags: pd.Series[Any], corrected: pd.Series[Any]) -> None:
+    """Say how many rows got no result, and how many are flagged, where these are many; with advice."""
+    without = Counter(flags[corrected.isna()])
+    if without:
+        reasons = ", ".join(f"{count} {why}" for why, count in without.most_common())
+        _complain(f"{sum(without.values())} of {times_word(len(flags), 'row')} got no result: {reasons}")
+    found = Counter(flags[flags != ""])
+    if sum(found.values()) <= MANY * len(flags):
+        return
+    said = f"{sum(found.values())} of {len(flags)} rows are flagged"
+    said += ": " + ", ".join(f"{count} {flag}" for flag, count in found.most_common())
+    for flag, count in found.most_common():
+        if count > MANY * len(flags):
+            said += _advice(model, flag)
+    _complain(f"{said}.")
+
+
+def _advice(model: DynamicBiasRegressor, flag: str) -> str:
+    if flag == "washout":
+        return (
+            ". washout: the log lacks the time before them, which the model remembers for about "
+            f"{span_text(model.washout_)}. Begin the log earlier"
+        )
+    if flag == "outside fitted range":
+        low, high = model.reading_.temperature_range
+        return (
+            f". outside fitted range: the model was fitted to temperatures of {low:.4g} to {high:.4g} "
+            f"{model.reading_.temperature_unit}. Fit it to a record that reaches further"
+        )
+    return ""
+
+
+# -------------------------------------------------------------------------------------------------------- line by line
+
+
+def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
+    """Answer every line of plain CSV at once, on standard output."""
+    if options.out is not None:
+        raise RecordError("Line by line, results go to standard output: write thermocorr correct ... > FILE.")
+    if how_to_read(options).says_something():
+        raise RecordError(
+            "Lines are read as plain CSV. Give a whole file, without --follow, to read it in another way."
+        )
+    out = sys.stdout.buffer
+    with _opened(options.log) as source:
+        lines = _lines(source, options.follow, options.log)
+        first = next(lines, b"")
+        if not first:
+            raise RecordError("The log is empty: a header line with the columns' names is needed, with a line end.")
+        rows = LineRows(live, options, _called(live.model, options), _complain)
+        out.write(csv_text([rows.begin(first)]))
+        out.flush()
+        for line in lines:
+            answer = rows.answer(line)
+            if answer is not None:
+                out.write(csv_text([answer]))
+                out.flush()
+    if rows.summary():
+        _complain(rows.summary())
+    return int(rows.damaged)
+
+
+def _opened(log: str) -> BinaryIO:
+    """Standard input, of which a second name is closed, or the file."""
+    return os.fdopen(os.dup(sys.stdin.fileno()), "rb") if log == "-" else existing_file(log).open("rb")
+
+
+def _lines(source: BinaryIO, follow: bool, name: str) -> Iterator[bytes]:
+    """Whole lines; of a log that is followed also those still to come."""
+    rest, begun, wait = b"", False, follow and name != "-"
+    while True:
+        piece = source.readline(LONGEST)
+        if len(rest) + len(piece) >= LONGEST and not piece.endswith(b"\n"):
+            raise RecordError(f"The log has a line of more than {LONGEST} bytes. Is it CSV?")
+        rest += piece
+        if rest.endswith(b"\n"):
+            yield rest
+            rest, begun = b"", True
+        elif wait:
+            if os.fstat(source.fileno()).st_size < source.tell() or not Path(name).exists():
+                raise RecordError(f"{name} was cut or replaced. Start the command again.")
+            time.sleep(POLL)
+        elif not piece:
+            if rest and begun:
+                _complain("the last line is left out: it has no line end, and may have been cut while it was written")
+            return

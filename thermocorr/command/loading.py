@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..effects.grids import since_start
-from ..effects.steps import Events
 from ..estimators import DynamicBiasRegressor
-from ..estimators.reading import masked_readings
 from ..files.result_files import result_columns
 from ..foreign import RUN, ForeignTable, HowToRead, guess, read_logs, with_times
 from ..foreign.roles import is_counter
-from ..records import RecordError, read_record
+from ..records import RecordError
 from ..records.errors import quoted, warn
 from ..records.files import require_column
 from ..records.times import dates_once, seconds_of
@@ -49,7 +45,6 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("the log's file (understood from its content where nothing is said)")
     group.add_argument("--sep", metavar="CHAR", help="between columns: , ; tab | blanks")
     group.add_argument("--decimal", metavar="CHAR", help="decimal sign: . or ,")
-    group.add_argument("--encoding", metavar="NAME", help="such as utf-8, utf-16, latin-1")
     group.add_argument(
         "--time-format",
         metavar="FORMAT",
@@ -57,14 +52,14 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
         "'unix us', 'unix ns', hhmm, seconds",
     )
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
-    group.add_argument("--sheet", metavar="NAME", help="of a spreadsheet")
-    group.add_argument("--sort", action="store_true", help="sort the rows by time")
-    group.add_argument("--names", metavar="LIST", help="of the columns where there is no header: time,room,dmm")
     group.add_argument(
         "--na", metavar="WORD", action="append", help="a word or number for no value; once more for each further one"
     )
-    group.add_argument("--skip-bad-rows", action="store_true", help="pass over lines that are no rows; they are named")
-    group.add_argument("--drop-duplicates", action="store_true", help="keep the first of rows with the same time")
+    group.add_argument(
+        "--skip-bad-rows",
+        action="store_true",
+        help="pass over lines that are no rows, keep the first of rows with one time, sort by time; all is said",
+    )
 
 
 def add_column_options(parser: argparse.ArgumentParser) -> None:
@@ -104,72 +99,33 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_model_options(parser: argparse.ArgumentParser, title: str) -> Any:
-    """Add what a model is made of; returns the group, for more of them."""
-    group = parser.add_argument_group(title)
-    group.add_argument(
+def add_time_constants(parser: Any) -> None:
+    """Add how many time constants a model has, or which."""
+    parser.add_argument(
         "--time-constants",
         metavar="N|auto|LIST",
         default="auto",
         help="auto (default), how many to choose for each thermometer (6 in the paper), or a list: 60,15min,2h",
     )
-    group.add_argument("--degree", type=int, default=2, metavar="N", help="degree of the static law (default 2)")
-    group.add_argument(
-        "--no-screen", action="store_true", help="keep readings and temperatures that look like spikes and sentinels"
-    )
-    return group
 
 
-def add_learning_options(parser: argparse.ArgumentParser) -> None:
-    """Add what is not to be learned from, or not to be removed."""
-    group = parser.add_argument_group("what is learned from (dates, or seconds or spans since the record began)")
-    group.add_argument(
-        "--mask",
-        metavar="START..END",
-        action="append",
-        help="leave out the readings of a stretch: somebody was at work; once more for each further one",
-    )
-    group.add_argument(
-        "--event",
-        metavar="MOMENT",
-        action="append",
-        help="what is measured was stepped then: the step is no error, and stays; once more for each further one",
-    )
-    group.add_argument("--events", metavar="COLUMN", help="a column that is 1 where that happened, else 0")
-    group.add_argument(
-        "--fill",
-        metavar="COLUMN=RULE",
-        action="append",
-        help="what to do where a cell is missing: estimate (a thermometer from the others) or end (the segment); "
-        "room=estimate:1h does so for an hour at most",
-    )
-
-
-def how_to_read(options: argparse.Namespace, no_times: Iterable[object] = ()) -> HowToRead:
-    """Options on the log's file; `columns` that are no times may be given."""
+def how_to_read(options: argparse.Namespace) -> HowToRead:
+    """Options on the log's file."""
     named = [options.reading, *(options.temperature or ())]
-    named += [getattr(options, role, None) for role in ("run", "events", "reference")]
-    named += [rule.rpartition("=")[0] for rule in getattr(options, "fill", None) or ()]
+    named += [getattr(options, role, None) for role in ("run", "reference")]
     return HowToRead(
         separator=options.sep,
         decimal=options.decimal,
-        encoding=options.encoding,
         time_format=options.time_format,
         timezone=options.timezone,
-        sheet=options.sheet,
-        sort=options.sort,
-        names=tuple(name.strip() for name in (options.names or "").split(",") if name.strip()),
+        sort=options.skip_bad_rows,
         missing=tuple(options.na or ()),
         skip_bad_rows=options.skip_bad_rows,
-        drop_duplicates=options.drop_duplicates,
+        drop_duplicates=options.skip_bad_rows,
         reading=options.reading,
         run=getattr(options, "run", None),
-        no_times=tuple(dict.fromkeys(str(name) for name in (*named, *no_times) if name)),
+        no_times=tuple(dict.fromkeys(name for name in named if name)),
     )
-
-
-RANGES = (("degree", 0, 9), ("blocks", 2, 0), ("window", 1, 0), ("average", 1, 0))
-"""Options that are whole numbers, with their least value and their greatest, 0 for none."""
 
 
 class Loaded(NamedTuple):
@@ -185,8 +141,6 @@ class Loaded(NamedTuple):
     """The column of the readings."""
     understood: tuple[str, ...] = ()
     """How its file was read."""
-    form: dict[str, str] | None = None
-    """How its file is written, see `ForeignTable.form`."""
     results: tuple[str, ...] = ()
     """Columns of an earlier result in the log, and those that count its rows: no suspects."""
 
@@ -202,7 +156,6 @@ class Loaded(NamedTuple):
 
 def load_log(options: argparse.Namespace) -> Loaded:
     """The log that the options name; without one, the built-in record."""
-    learned: dict[str, Any] = {"screen": not options.no_screen, "effects": _events(options)}
     time_constants = parse_time_constants(options.time_constants)
     if not options.log:
         if any((options.reading, options.reference, options.temperature, options.time, options.run)):
@@ -210,8 +163,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
         from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
 
         log = load_voltage_reference(hidden="moisture")
-        learned |= {"fill": fill_rules(options.fill, log.columns), "max_gap": options.max_gap}
-        model = DynamicBiasRegressor("temperature", time_constants, options.degree, **learned)
+        model = DynamicBiasRegressor("temperature", time_constants, max_gap=options.max_gap)
         return Loaded(log, log, True, model, "voltage")
     how = how_to_read(options)
     table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
@@ -244,19 +196,16 @@ def load_log(options: argparse.Namespace) -> Loaded:
             warn(f"The unit of {quoted(name)} is {unit}, no temperature. Is it the right column?")
     if len(options.log) == 1:
         table = with_times(table, time, how)
-    if options.events is not None:
-        require_column(log.columns, options.events, "events")
     layout: dict[str, Any] = {
         "time": time,
         "run": run,
         "sampling_period": None if timed else options.sampling_period,
         "max_gap": options.max_gap,
-        "fill": fill_rules(options.fill, log.columns),
         "reference": options.reference,
     }
     temperature = thermometers if len(thermometers) > 1 else thermometers[0]
-    model = DynamicBiasRegressor(temperature, time_constants, options.degree, **layout, **learned)
-    named = {reading, *thermometers, time, run, options.reference, options.events, *(layout["fill"] or ())}
+    model = DynamicBiasRegressor(temperature, time_constants, **layout)
+    named = {reading, *thermometers, time, run, options.reference}
     if found.why:
         table = table.with_said(table.frame, found.sentence())
     counters = [str(name) for name in log.columns if name not in named and is_counter(log[name])]
@@ -266,7 +215,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     if counters:
         warn(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
     results = (*results, *counters)
-    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, table.said, table.form, results)
+    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, table.said, results)
 
 
 def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, found: str | None) -> str | None:
@@ -288,13 +237,8 @@ def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
     return kind_of(times) != "text" and bool(times.is_monotonic_increasing and times.is_unique)
 
 
-def check_numbers(options: argparse.Namespace) -> None:
-    """Refuse options out of their range before any work is done."""
-    for name, low, high in RANGES:
-        value = getattr(options, name, None)
-        if value is not None and not low <= value <= (high or value):
-            within = f"{low} to {high}" if high else f"{low} at least"
-            raise RecordError(f"The '{name}' parameter must be {within}. Got --{name} {value}.")
+def check_time_constants(options: argparse.Namespace) -> None:
+    """Refuse time constants that are none before any work is done."""
     taus = parse_time_constants(options.time_constants)
     for tau in taus if isinstance(taus, list) else ():
         seconds_of(tau, "time_constants")
@@ -309,46 +253,3 @@ def parse_time_constants(text: str) -> Any:
     if text.isdigit():
         return int(text)
     return [number_or_span(part.strip()) for part in text.split(",") if part.strip()]
-
-
-def fill_rules(given: Sequence[str] | None, columns: Any) -> dict[str, Any] | None:
-    """``room=end`` and ``room=estimate:1h`` as the model takes them; RecordError for what is neither."""
-    rules: dict[str, Any] = {}
-    for text in given or ():
-        name, mark, said = text.rpartition("=")
-        if not mark or not said:
-            raise RecordError(f"--fill takes COLUMN=RULE, such as room=end or room=estimate:1h. Got {text!r}.")
-        rule, _, longest = said.partition(":")
-        rules[require_column(columns, name, "fill")] = (rule, number_or_span(longest)) if longest else rule
-    return rules or None
-
-
-def readings_to_learn(loaded: Loaded, X: pd.DataFrame, y: Any, given: Sequence[str] | None) -> Any:
-    """The readings without those of the stretches ``START..END`` that are not to be learned from."""
-    stretches = []
-    for text in given or ():
-        start, mark, end = (part.strip() for part in text.partition(".."))
-        if not (mark and start and end):
-            raise RecordError(
-                "--mask takes START..END: dates such as 2024-03-05T09:20..2024-03-05T12:40, or seconds or spans since "
-                f"the record began. Got {text!r}."
-            )
-        stretches.append((number_or_span(start), number_or_span(end)))
-    layout = loaded.model._unfitted_features(()).layout()
-    return masked_readings(X, y, layout, stretches) if stretches else y
-
-
-def note_events_outside(loaded: Loaded, X: pd.DataFrame, given: Sequence[str] | None) -> None:
-    """Warn of events that lie outside of the record: they change nothing."""
-    if not given:
-        return
-    record = read_record(X, loaded.model._unfitted_features(()).layout(), quiet=True)
-    seconds = record.times.seconds(slice(0, record.n_rows), record.first_stamp())
-    for moment in given:
-        if not seconds.min() < since_start(number_or_span(moment), record, "event", "analyze") <= seconds.max():
-            warn(f"--event {moment} is not within the record: it is not used.")
-
-
-def _events(options: argparse.Namespace) -> list[Events]:
-    moments = [number_or_span(moment) for moment in options.event or ()]
-    return [Events(moments, options.events)] if moments or options.events is not None else []

@@ -14,9 +14,9 @@ from ..records import RecordError
 from ..records.errors import existing_file
 from .loading import (
     add_column_options,
-    add_model_options,
     add_table_options,
-    check_numbers,
+    add_time_constants,
+    check_time_constants,
     how_to_read,
     parse_time_constants,
 )
@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_table_options(parser)
     add_column_options(parser)
-    model = add_model_options(parser, "model (can be changed on the screen)")
-    model.add_argument("--effects", metavar="FILE", help="Python file with effects of your own, to be suspects too")
+    add_time_constants(parser)
+    parser.add_argument("--effects", metavar="FILE", help="Python file with effects of your own, to be suspects too")
     serving = parser.add_argument_group("page")
     serving.add_argument("--port", type=int, default=0, help="on 127.0.0.1 (default: a free one)")
     serving.add_argument("--keep", action="store_true", help="go on when the page is closed; Ctrl-C ends it")
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     static = parser.add_argument_group("page that computes in the browser, to be served by any web server")
     static.add_argument("--static", metavar="FOLDER", help="write it there, and end")
     static.add_argument("--pyodide", metavar="FOLDER", help="a Pyodide distribution, whose files go along")
-    static.add_argument("--force", action="store_true", help="overwrite files that thermocorr did not write")
+    static.add_argument("--force", action="store_true", help="overwrite what is there already")
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> None:
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     from ..interactive.opening import Opening
     from ..interactive.takeaway import is_session
 
-    check_numbers(options)
+    check_time_constants(options)
     for path in (*options.log, *([options.effects] if options.effects else [])):
         existing_file(path)
     if len(options.temperature or ()) > 1:
@@ -80,8 +80,6 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         },
         settings=ModelSettings(
             time_constants=tuple(taus) if isinstance(taus, list) else taus,
-            degree=options.degree,
-            screen=not options.no_screen,
             sampling_period=options.sampling_period,
             max_gap=options.max_gap,
         ),

@@ -1,5 +1,5 @@
-"""Files: the one writer of everything that thermocorr writes, and the marks by which it knows its own files."""
+"""Files: the one writer of everything that thermocorr writes, the model file, results."""
 
-from .writer import AppendedFile, OutputError, Outputs, write_file
+from .writer import OutputError, Outputs, write_file
 
-__all__ = ["AppendedFile", "OutputError", "Outputs", "write_file"]
+__all__ = ["OutputError", "Outputs", "write_file"]

@@ -56,7 +56,7 @@ def save(
     model : DynamicBiasRegressor
         Fitted. Its effects may be those of the catalogue, or your own if they can be imported.
     path : str or Path
-        Replaced as a whole, or left as it was if anything goes wrong. A file that thermocorr did not write is refused.
+        Written as a whole, or left as it was if anything goes wrong. A file that is there is refused, unless forced.
     history_rows : int or None, default 4096
         Rows of the fitted record to keep. They serve one thing: new data that *begin in the middle* of the fitted
         record take their states from them, exactly where the record has no more rows than this, else with the
@@ -66,7 +66,7 @@ def save(
     data : (X, y), optional
         The record that the model was fitted to: its digest is noted in the file. Without it, that of the kept rows is.
     force : bool, default False
-        Overwrite a file that thermocorr did not write.
+        Overwrite a file that is there already.
 
     Returns
     -------

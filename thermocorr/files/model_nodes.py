@@ -14,7 +14,6 @@ from ..effects.wrap import as_effects
 from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
 from ..estimators.run_levels import RunLevels
 from ..estimators.thermometers import Thermometer, Thermometers
-from ..foreign.how import FORM
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
@@ -208,7 +207,7 @@ def _unpack_ticks(
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "ranges", "notes", "n_features_in", "feature_names_in", "log_form", "reading", "effects", "history", "filling",
+    "ranges", "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "filling",
     "errors",
 )  # fmt: skip
 
@@ -243,7 +242,6 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "notes": list(model.notes_),
         "n_features_in": int(model.n_features_in_),
         "feature_names_in": None if names is None else [str(column) for column in names],
-        "log_form": getattr(model, "_log_form", {}),
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
         "filling": pack_filling(features.filling_),
@@ -305,10 +303,6 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
         _check_names(checked, features, f"{where}.feature_names_in")
         features.feature_names_in_ = model.feature_names_in_ = np.array(checked, dtype=object)
     _restore_numbers(model, features, node, where)
-    form = node["log_form"]
-    if not isinstance(form, dict) or not set(form) <= set(FORM):
-        raise unexpected(f"{where}.log_form", repr(form)[:60], f"an object of {', '.join(FORM)}")
-    model._log_form = {key: text(value, f"{where}.log_form.{key}") for key, value in form.items()}
     errors = unpack_errors(node["errors"], f"{where}.errors", features.effect_list(), features.history_, codec)
     if errors is not None:
         model._known_errors = errors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import pandas as pd
 
@@ -13,7 +13,7 @@ from ..records import RecordError
 from ..records.errors import printable
 from ..records.times import written_by_arrow
 from .model_file import content_of
-from .writer import TEXT_MARK, Outputs
+from .writer import Outputs
 
 RESULT_COLUMNS = ("corrected", "model", "residual", "flag", "u", "smoothed")
 TAKEN = "_thermocorr"
@@ -24,18 +24,22 @@ _RESULTS = (RESULT_COLUMNS, ("corrected", "bias", "flag", "u", "smoothed", "u_sm
 
 def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
     """Write corrected.csv: the log as it came, then what `evaluated` has; an index without a name is 'time'."""
+    path = folder / "corrected.csv"
+    write_csv(outputs.open(path), log, evaluated, index)
+    return path
+
+
+def write_csv(file: BinaryIO, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> None:
+    """Write the log as it came, then what `evaluated` has, with all the digits that tell numbers apart."""
     names = new_names(list(evaluated.columns), log.columns)
     result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, evaluated.columns, strict=True)})
-    path = folder / "corrected.csv"
-    file = outputs.open(path)
-    try:  # floats are written with all the digits that tell them apart
+    try:
         if index or not written_by_arrow(result, file):
             label = new_names(["time"], log.columns)[0] if log.index.name is None else None
             result.to_csv(file, mode="wb", index=index, index_label=label, lineterminator="\n")
     except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that no text of pandas' can show
         reason = " ".join(str(error).split())
-        raise RecordError(f"{path} cannot be written: {reason}. Are dates of the log damaged?") from None
-    return path
+        raise RecordError(f"The results cannot be written: {reason}. Are dates of the log damaged?") from None
 
 
 def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
@@ -73,8 +77,8 @@ def result_columns(columns: Collection[object]) -> list[str]:
 def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any]) -> list[Path]:
     """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
     paths = [folder / "model.json", folder / "model.txt"]
-    outputs.write(paths[0], content_of(model, data=data))
     table = model.coef_table().to_string()
     notes = "\n".join(f"Note: {note}" for note in model.notes_)
-    outputs.write(paths[1], printable(f"{TEXT_MARK}\n\n{model.equation()}\n\n{table}\n{notes}\n", "\n"))
+    outputs.write(paths[1], printable(f"{model.equation()}\n\n{table}\n{notes}\n", "\n"))
+    outputs.write(paths[0], content_of(model, data=data))  # last: it says that all are there
     return paths

@@ -135,8 +135,6 @@ class Understood(NamedTuple):
     said: str = ""
     unix: bool = False
     """True if they are Unix times, which are UTC."""
-    form: str = ""
-    """How dates are written, as for `strptime`; "" for all others."""
 
 
 def understood(values: pd.Series[Any], form: str | None = None, zone: str | None = None) -> Understood:
@@ -303,7 +301,7 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     if kind_of(values) != "text":
         return Understood(values)
     if form is not None:
-        return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}", form=form)
+        return Understood(_parsed(values.astype("string").str.strip(), values, form), f"times as {form}")
     if _MINUTES.search(str(values.name)) and re.fullmatch(r"\d+:\d\d(?:[.,]\d+)?", first_cell(values)):
         hours = "0:" + values.astype("string").str.strip().str.replace(",", ".")
         return Understood(_named(pd.to_timedelta(hours, errors="coerce"), values), "minutes and seconds")
@@ -318,7 +316,7 @@ def _of_text(values: pd.Series[Any], form: str | None) -> Understood:
     text = values.astype("string").str.strip()
     times = _dates(text, date)
     order = ", ".join(_IN_WORDS[part] for part in re.findall("%[dmYyb]", date))
-    return Understood(_named(times, values), f"dates as {order}", form=_whole_form(date, text))
+    return Understood(_named(times, values), f"dates as {order}")
 
 
 def point_for_comma(cell: str) -> str:

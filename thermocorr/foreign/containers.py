@@ -115,7 +115,9 @@ def spreadsheet(path: Path, sheet: str | None) -> pd.DataFrame:
         if sheet is None and len(book.sheetnames) > 1:
             filled = [name for name in book.sheetnames if book[name].max_row and book[name].max_row > 1]
             if len(filled) > 1:
-                raise RecordError(f"{path} has several sheets: {listing(filled)}. Say which with --sheet.")
+                raise RecordError(
+                    f"{path} has several sheets: {listing(filled)}. Save the right one as a file of its own."
+                )
             sheet = filled[0] if filled else None
         chosen = book[sheet or book.sheetnames[0]]
         chosen.reset_dimensions()  # what the file says of them may be old

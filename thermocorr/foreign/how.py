@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
@@ -58,10 +58,6 @@ class HowToRead:
             raise RecordError(f"--decimal {self.decimal!r} is neither . nor a comma.")
 
 
-FORM = ("separator", "decimal", "time_format")
-"""What a model remembers of how its log was written, and reads a growing one by."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ForeignTable:
     """A log, read."""
@@ -72,8 +68,6 @@ class ForeignTable:
     """How it was understood, where that was not a matter of course."""
     first_line: int | None = None
     """The line of a text that holds the first row, where each row is a line of its own."""
-    form: dict[str, str] = field(default_factory=dict)
-    """How it is written, of `FORM`, as far as that is not plain CSV with dates of ISO 8601."""
     as_came: pd.Series[Any] | None = None
     """The column of times as the file has it, where `frame` has other ones that its name or cells do not say."""
 

@@ -72,7 +72,7 @@ class Roles(NamedTuple):
         which = f"columns are the {', the '.join(first)} and the {last}" if first else f"column is the {last}"
         between = {name for role in unknown for name in self.in_doubt.get(role, ())}
         likely = [name for name in columns if name in between]
-        headless = "; the file has no header: --names gives it names" if str(columns[0]) == "1" else ""
+        headless = "; the file has no header: write a line of names above it" if str(columns[0]) == "1" else ""
         without = ". Rows without times: --sampling-period 15s" if "time" in unknown else ""
         of = f"as likely are {listing(likely, 20)}" if len(likely) > 1 else f"there are {listing(columns, 20)}"
         raise RecordError(

@@ -25,7 +25,7 @@ from .how import ForeignTable, HowToRead
 from .long_form import on_times
 from .roles import RUN, guess, time_of
 from .sniffing import TOTALS
-from .text_tables import HEAD, first_lines, is_plain, text_table
+from .text_tables import text_table
 from .timed import with_times
 from .values import nearly_numbers, without
 
@@ -57,20 +57,6 @@ def read_log(path: str | Path, how: HowToRead | None = None) -> ForeignTable:
         return _filled(text_table(content, path, how, said), path, how)
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
-
-
-def plain_head(path: Path, how: HowToRead) -> ForeignTable | None:
-    """The first lines of a file that is CSV as this package writes it, as far as these tell; None for any other.
-
-    Raises RecordError where they are no table.
-    """
-    if path.suffix.lower() in (*FEATHER, *SHEETS, *PACKED) or format_of(path) is not None:
-        return None
-    with path.open("rb") as file:
-        head = first_lines(file.read(HEAD))
-    if not is_plain(head, how):
-        return None
-    return text_table(head[: head.rfind(b"\n") + 1] or head, path, how)
 
 
 def _from_cells(cells: pd.DataFrame, path: Path, how: HowToRead) -> ForeignTable:

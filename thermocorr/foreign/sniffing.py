@@ -129,7 +129,7 @@ class Dialect:
         """Unusual properties, in words."""
         words = [] if self.separator == "," else [f"separated by {SEPARATORS[self.separator].removesuffix('s')}s"]
         if self.headless:
-            words.append("no header: columns are 1, 2, ..., see --names" if self.names[0] == "1" else "no header")
+            words.append("no header: columns are 1, 2, ..." if self.names[0] == "1" else "no header")
         if self.decimal == ",":
             words.append("decimal comma")
         if self.header and not self.headless:

@@ -14,7 +14,6 @@ from ..records.files import LONGEST, RowError, csv_table
 from ..records.grammar import is_missing
 from .how import ForeignTable, HowToRead
 from .long_form import whole_dates, widened, without_units
-from .readers import reader_of
 from .sniffing import SAMPLE, Decoded, Dialect, decoded, sniff
 from .values import is_value
 
@@ -29,8 +28,6 @@ def is_plain(head: bytes, how: HowToRead) -> bool:
     try:
         text, found = head_dialect(head, how)
     except RecordError:  # numbers with points and with commas
-        return False
-    if text is not None and reader_of(_lines(text.text)[:SAMPLE]) is not None:
         return False
     return text is None or (text.name == "UTF-8" and (found is None or found.is_plain) and b"\n" in head)
 
@@ -72,10 +69,6 @@ def _table(content: bytes, path: Path, how: HowToRead, said: tuple[str, ...]) ->
         return _arranged(ForeignTable(frame=frame, said=said, first_line=line), how.reading)
     try:
         text, found = head_dialect(content, how)
-        own = None if text is None or how.separator or how.names else reader_of(_lines(text.text)[:SAMPLE])
-        if text is not None and own is not None:
-            frame, words = own.read(text.text.splitlines(), how.reading)
-            return ForeignTable(frame=frame, said=(*said, words))
     except RecordError as error:
         raise RecordError(f"{path} cannot be read as a table: {error}") from None
     if text is None or found is None:  # the reader of plain CSV says what is wrong
@@ -174,8 +167,7 @@ def _translated(text: str, found: Dialect, path: Path, said: tuple[str, ...], re
     if found.units:
         frame.attrs["units"] = dict(found.units)
     line = _first_line(frame, text.count("\n"), found.first)
-    form = {"separator": found.separator, "decimal": found.decimal}
-    return _arranged(ForeignTable(frame=frame, said=(*said, *found.oddities()), first_line=line, form=form), reading)
+    return _arranged(ForeignTable(frame=frame, said=(*said, *found.oddities()), first_line=line), reading)
 
 
 def _first_line(frame: pd.DataFrame, n_lines: int, before: int) -> int | None:

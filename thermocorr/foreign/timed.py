@@ -47,8 +47,7 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     if column is None:
         if how.time_format or how.timezone or how.sort or how.drop_duplicates:
             raise RecordError(
-                "--time-format, --timezone, --sort and --drop-duplicates are for a column of times: name it with "
-                "--time."
+                "--time-format, --timezone and --skip-bad-rows are for a column of times: name it with --time."
             )
         return table
     frame, words = _joined(table.frame, column)
@@ -57,8 +56,6 @@ def with_times(table: ForeignTable, column: str | None, how: HowToRead) -> Forei
     read = read if how.timezone else _in_named_zone(read, column)
     frame, read = _with_fraction(frame, read, column)
     frame, read = _with_days(frame, read, column)
-    if read.form:
-        table = replace(table, form={**table.form, "time_format": read.form})
     if read.times is not frame[column]:
         by_size = read.unix and how.names_times()
         as_came = frame[column] if by_size or kind_of(read.times) in ("number", "span") else None

@@ -19,7 +19,6 @@ from ..files.codec import ModelFileError, fields, integer, items, parse, read_by
 from ..files.effect_nodes import ImportNotAllowedError
 from ..files.model_file import content_of
 from ..files.result_files import write_corrected
-from ..files.writer import TEXT_MARK
 from ..firmware import export_c
 from ..foreign import HowToRead
 from ..pages import Answer
@@ -168,7 +167,7 @@ def script(bench: Bench, found: Fitted) -> str:
     parts = [f"# {_title(bench.source)}"]
     for chapter in chapters(bench, found):
         parts += ["", *(f"# {line}" for line in chapter.text.splitlines()), chapter.code]
-    return "\n".join([TEXT_MARK, *parts]) + "\n"
+    return "\n".join(["# Written by thermocorr", *parts]) + "\n"
 
 
 def notebook(bench: Bench, found: Fitted) -> str:

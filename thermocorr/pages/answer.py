@@ -235,7 +235,7 @@ class Answer:
         for number, note in enumerate(self.notes):
             more = _wrapped(note if note.startswith("Read as: ") else f"Data: {note}", 3)
             if len(lines) + len(more) + (number < len(self.notes) - 1) > room:
-                return [*lines, f"{len(self.notes) - number} more on the data: --verbose"]
+                return [*lines, f"{len(self.notes) - number} more on the data: --json"]
             lines += more
         return lines
 
@@ -278,7 +278,7 @@ class Answer:
                 ]
             )
         more = len(causes) - CAUSES
-        return [*_columns(rows), *([f"and {more} more: --verbose"] if more > 0 else [])]
+        return [*_columns(rows), *([f"and {more} more: --json"] if more > 0 else [])]
 
     def _verdict(self) -> str:
         """The verdict on the model that is kept, and what is left."""

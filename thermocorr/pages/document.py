@@ -98,7 +98,7 @@ class Page:
         raise NotImplementedError
 
     def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "", force: bool = False) -> None:
-        """Write `to_html` to a file; OutputError for one that thermocorr did not write, unless forced."""
+        """Write `to_html` to a file; OutputError for one that is there already, unless forced."""
         write_file(path, self.to_html(source=source, command=command), force=force)
 
 

@@ -42,7 +42,7 @@ def write_report(
     source, command : str
         Name of the data's file, and the command that made the page; shown at its end.
     force : bool, default False
-        Overwrite a file that thermocorr did not write.
+        Overwrite a file that is there already.
 
     Returns
     -------

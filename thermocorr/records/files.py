@@ -91,8 +91,8 @@ def header_of(line: bytes, place: str = "line 1") -> list[str]:
     numbered = names == [str(k) for k in range(1, len(names) + 1)]  # by whoever read a file without a header
     if names[0] and not numbered and all(_is_value(name) for name in filter(None, names)):
         raise RecordError(
-            f"{place[:1].upper()}{place[1:]} is a row already ({listing(names, 3)}), and no header. Name the columns "
-            "with --names, as in --names time,temperature,reading."
+            f"{place[:1].upper()}{place[1:]} is a row already ({listing(names, 3)}), and no header. Write a line "
+            "with the names of the columns above it, such as time,temperature,reading."
         )
     return distinct_names(names)
 

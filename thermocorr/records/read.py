@@ -377,15 +377,15 @@ def _refuse_order(
             f"{early} and {times.label(row)} in row {row}. Is its time damaged? Mend it, or leave the row out."
         )
     split = way(
-        "sort them with --sort",
+        "sort them with --skip-bad-rows",
         "split with shuffle=False or TimeSeriesSplit; a search that draws rows at random, such as HalvingGridSearchCV, "
         "cannot be used (GridSearchCV can)",
     )
     hint = (
         f"The rows are shuffled: {split}. If these are no times, name the column that has them: {option('time')}."
         if shuffled
-        else f"Sort the rows by time{way(' (--sort)', '')}; if the log holds several runs, name their column with "
-        f"{option('run')}; local times without a zone step back when summer time ends."
+        else f"Sort the rows by time{way(' (--skip-bad-rows)', '')}; if the log holds several runs, name their column "
+        f"with {option('run')}; local times without a zone step back when summer time ends."
         if layout.run is None
         else "Sort the rows of each run by time."
     )
@@ -402,7 +402,7 @@ def _twice_text(times: Times, order: NDArray[np.intp] | None, row: int, before: 
     count = "; every time stands there twice" if each else f", and {more} more like these" if more else ""
     stamps = "X.index" if layout.time is None else f"X[{layout.time!r}]"
     first = way(
-        "--drop-duplicates keeps the first", f"with keep = ~{stamps}.duplicated(), X[keep], y[keep] has the first"
+        "--skip-bad-rows keeps the first", f"with keep = ~{stamps}.duplicated(), X[keep], y[keep] has the first"
     )
     advice = "Drop every second row" if each else "Drop one of each" if more else "Drop one of them"
     return (

@@ -381,7 +381,7 @@ def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: 
     if not cut.segments:
         raise RecordError(
             f"No value in {quoted(column)} is believed: all {record.n_used} rows are refused as {reason}s. "
-            f"Check the column, or pass {way('--no-screen', 'screen=False')}."
+            f"Check the column, or {way('fit in Python with screen=False', 'pass screen=False')}."
         )
     return cut
 

@@ -46,7 +46,7 @@ def write_static(folder: str | Path, pyodide: str | Path, force: bool = False) -
     pyodide : path
         Folder of a Pyodide distribution.
     force : bool, default False
-        Overwrite files that thermocorr did not write.
+        Overwrite files that are there already.
 
     Returns
     -------
