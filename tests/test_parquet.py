@@ -222,7 +222,6 @@ def test_weights_and_masks(data, kept):
         (DynamicBiasRegressor("supply"), "was read with 'temperature' as its temperature, the model wants 'supply'"),
         (DynamicBiasRegressor(max_gap=10), "step of 6 min inside a segment, and max_gap is 10 s"),
         (DynamicBiasRegressor(effects=[Covariate("humidity")]), "no column 'humidity' in the record"),
-        (DynamicBiasRegressor(effects=[Covariate("pressure")], fill={"pressure": "end"}), "for records in memory"),
     ],
 )
 def test_what_it_was_not_read_for_is_refused(kept, data, model, said):

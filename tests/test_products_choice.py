@@ -93,7 +93,7 @@ def test_columns_of_time_and_runs_codes_and_holes_are_averaged_too():
     y.iloc[5_000:5_100] = np.nan
     y.iloc[7_000] = 9.9e37
     X.loc[20_000:20_020, "temperature"] = np.nan
-    for options in ({}, {"fill": {"temperature": "end"}}, {"temperature": ["temperature", "humidity"]}):
+    for options in ({}, {"temperature": ["temperature", "humidity"]}):
         model = DynamicBiasRegressor(**{"temperature": "temperature", "time": "seconds", **options})
         with pytest.warns(RecordWarning, match="9.9e\\+37|9.9E37|sentinel"):
             assert model.fit(X, y).products_ is True, options

@@ -207,18 +207,6 @@ def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats
     return columns[1:]
 
 
-def followed_error(covariance: Floats, step: float, time_constants: Floats) -> Floats:
-    """Covariance of an input's error and of what the lags feel of it, a step later: dl/dt = (d - l)/tau, eq. (17).
-
-    `covariance` (array of shape (1 + J, 1 + J)): Of the error d of the input, which stays as it is, and of the errors
-    l of the lagged ones. `step` (float): [s]. `time_constants` (array of shape (J,)): [s].
-    """
-    decay = np.exp(-step / time_constants)
-    move = np.diag(np.concatenate(([1.0], decay)))
-    move[1:, 0] = 1.0 - decay
-    return np.asarray(move @ covariance @ move.T)
-
-
 def bridge_error(structure: Structure, length: float, time_constants: Floats) -> Floats:
     """Covariance of the errors of lags at the end of a gap, shape (J, J).
 

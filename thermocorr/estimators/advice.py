@@ -250,8 +250,7 @@ def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
     """The user's record with the columns of a model, and the readings that are learned from."""
     features = model.features_
     needed = [name for effect in features.effect_list() for name in effect.inputs()]
-    fill = features.fill_in if features.filling_.stand_ins else None
-    read = read_record(X, features.layout(), y=reading, needed=needed, quiet=True, fill=fill)
+    read = read_record(X, features.layout(), y=reading, needed=needed, quiet=True)
     found: Record = model._without_spoilt(read)
     return screened(found, features.longest_step())[0] if model.screen else found
 

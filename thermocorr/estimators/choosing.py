@@ -164,7 +164,7 @@ def chosen_products(model: Any) -> bool | int:
 
 
 def choose_again(model: Any, believed: Record, say: Callable[[str], None]) -> TimeConstantChoice | None:
-    """Choose once more, from the readings that neither filled cells nor gaps spoil."""
+    """Choose once more, from the readings that gaps do not spoil."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
         return choose(model, believed, Reading.of(None, None, believed), say)

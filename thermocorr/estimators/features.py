@@ -17,18 +17,16 @@ from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLa
 from ..effects.protocol import Effect
 from ..effects.stream import Walked, needed_columns, own_starts, resume, walk
 from ..effects.wrap import EffectsParameters, as_effects
-from ..records import History, Layout, Log, Record, RecordError, SegmentStart, read_record
+from ..records import History, Layout, Record, SegmentStart, read_record
 from ..records.errors import warn
 from ..records.read import check_max_gap, check_order
 from ..records.screen import screened
-from .imputation import Filling, check_rules, filling_of, learned_beside
 from .reading import check_columns, learned_readings
 from .thermometers import Thermometers
 from .time_constants.spectrum import DECAY_SHARE
 
 LAYOUT_CONSTRAINTS: dict[str, Any] = {
     "reference": "no_validation",
-    "fill": [dict, None],
     "temperature": "no_validation",
     "time": "no_validation",
     "run": "no_validation",
@@ -88,11 +86,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     max_gap : float or time span, optional
         A longer step starts a new segment. By default temperature is taken as a straight line across gaps. Rows that
         lack a temperature, or a column that an effect uses, are passed over as if they had not been recorded.
-    fill : dict of column to rule, optional
-        What to do with missing cells instead: "estimate" a thermometer from the others (which is done where there are
-        several), or "end" the segment, so that lags begin anew behind the hole; ("estimate", "1 h") does so for an hour
-        at most, ("end", "1 h") from an hour on. Readings next to filled cells are not learned from.
-
     reference : str, optional
         Column that is no feature: what readings are compared with, see `DynamicBiasRegressor`.
 
@@ -146,7 +139,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         run: Any = None,
         sampling_period: Any = None,
         max_gap: Any = None,
-        fill: Any = None,
         reference: Any = None,
     ):
         self.time_constants = time_constants
@@ -162,7 +154,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.run = run
         self.sampling_period = sampling_period
         self.max_gap = max_gap
-        self.fill = fill
         self.reference = reference
 
     def fit(self, X: Any, y: Any = None) -> DiffusiveFeatures:
@@ -203,7 +194,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return record
 
     def read(self, X: Any, y: Any = None, weight: Any = None, mask: Any = None, quiet: bool = False) -> Record:
-        """Check parameters and data; returns the record, screened and filled.
+        """Check parameters and data; returns the record, screened.
 
         `X`, `y`, `weight`, `mask` (see `DynamicBiasRegressor.fit`). `quiet` (bool): Warn of nothing.
         """
@@ -212,24 +203,20 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             y = learned_readings(X, y, self.layout(), mask, weight)
         X = check_columns(self, X, reset=True)
         needed = needed_columns([effect for _, effect in self.further_effects()])
-        filling = bool(self.thermometers().further or self.fill)
-        record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet or filling)
+        record = read_record(X, self.layout(), y=y, needed=needed, quiet=quiet)
         check_max_gap(record, self.layout())
-        check_rules(self.fill, [record.temperature_name, *self.thermometers().further], needed)
-        n_read, self.screen_, self.filling_ = len(record.notes), None, Filling()
+        n_read, self.screen_ = len(record.notes), None
         self.__dict__.pop("history_", None)
         if self.screen:
             record, self.screen_ = screened(record, self.longest_step(), self.thermometers().further)
         check_order(record, self.layout())
-        if filling:
-            record = self._filled(X, y, record, needed, record.notes[n_read:])
-        for note in () if quiet else record.notes[0 if filling else n_read :]:
+        for note in () if quiet else record.notes[n_read:]:
             warn(note)
         return record
 
     def taking(self, reader: DiffusiveFeatures) -> DiffusiveFeatures:
         """These features, with what others found when they read the same data."""
-        for name in ("n_features_in_", "feature_names_in_", "screen_", "filling_"):
+        for name in ("n_features_in_", "feature_names_in_", "screen_"):
             if hasattr(reader, name):
                 setattr(self, name, getattr(reader, name))
         return self
@@ -250,29 +237,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         lags = next((e for _, e in self.effects_ if isinstance(e, ThermalLag)), None)
         self.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
 
-    def _filled(self, X: Any, y: Any, record: Record, needed: list[Any], screen_notes: tuple[str, ...]) -> Record:
-        """The record with missing cells filled as its known rows tell; the readings beside them are left out."""
-        thermometers = [record.temperature_name, *self.thermometers().further]
-        if isinstance(X, Log):
-            if self.fill:
-                raise RecordError(
-                    "The 'fill' parameter is for records in memory, not for a log that is read in pieces."
-                )
-            return record
-        self.filling_ = filling_of(record, thermometers, self.fill, self.screen_)
-        if not self.filling_.stand_ins:
-            return record
-        full = read_record(X, self.layout(), y=y, needed=needed, quiet=True, fill=self.fill_in)
-        if self.screen_ is not None:
-            full = self.screen_.without_codes(full, self.longest_step())
-            full = self.screen_.without_spikes(full, self.longest_step())
-            self.screen_ = self.screen_.moving_as(full, self.filling_.columns)
-        return learned_beside(full, record, screen_notes)
-
-    def fill_in(self, record: Record) -> Record:
-        """The record with missing cells filled as a fitted model fills them."""
-        return self.filling_.in_record(record, getattr(self, "history_", None))
-
     def walk_fitted(self, record: Record) -> Iterator[Walked]:
         """Columns of the record that is being fitted, block by block."""
         return walk(self.effect_list(), record, starts=own_starts(record))
@@ -290,15 +254,12 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         if isinstance(X, Record):
             return resume(effects, self.history_, X)
         X = check_columns(self, X, reset=False)
-        fill = self.fill_in if self.filling_.stand_ins else None
         layout = replace(self.layout(), reference=None)  # rows to be corrected have readings, and need no reference
-        record = read_record(X, layout, y=y, needed=needed_columns(effects), quiet=True, fill=fill)
+        record = read_record(X, layout, y=y, needed=needed_columns(effects), quiet=True)
         return resume(effects, self.history_, record)
 
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
         """Keep what ties later rows to this record."""
-        if self.filling_.stand_ins:
-            self.filling_ = self.filling_.at_end_of(record)
         self.history_ = History.of(record, end_states, self.longest_step(), screen=self.screen_)
 
     def without(self, at: int) -> DiffusiveFeatures:

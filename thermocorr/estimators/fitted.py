@@ -25,7 +25,7 @@ from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
-from .input_errors import MOST_SPOILT, SPOILT, FillingError, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .input_errors import MOST_SPOILT, SPOILT, GapError, InputLaw, error_behind_gaps, law_of_inputs
 from .learned_ranges import learned_ranges
 from .progress import one_blas_thread
 from .reading import Reading, like, no_flags
@@ -252,8 +252,8 @@ class FittedModel:
         (a single temperature that looks like kelvin where degC was fitted, or the other way round), "washout", "outside
         fitted range": of the temperature, or of what an effect makes of its columns, by more than three standard
         deviations of the residuals. "jump": an input moved faster than it ever did, and the value before stands in its
-        place until the next row speaks for it. "filled": a cell was missing and is filled (see `fill`). "doubtful
-        input": what was filled, stands still or has jumped, in this row or before, may move the bias by more than the
+        place until the next row speaks for it. "doubtful
+        input": what stands still or has jumped, in this row or before, may move the bias by more than the
         residuals' standard deviation: late bodies feel it for a while. "behind gap": what the temperature may have done
         in gaps between rows moves it by as much.
         """
@@ -338,20 +338,14 @@ class FittedModel:
                 parts[:, i] = _weighted(step.columns[:, low:high][:, alive], coef[low:high][alive])
             yield step.block, parts
 
-    def _filling_error(self) -> FillingError:
-        """Propagates the errors of filled cells to the bias."""
-        return FillingError([*self._laws_of_inputs(one.column for one in self.features_.filling_.stand_ins)])
-
     def _gap_error(self) -> GapError:
         """Propagates what happened in gaps of later rows to the bias."""
         gaps = self.features_.history_.gaps
         return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
 
     def _resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A new record tied to the fitted one, with what filled cells and doubtful inputs may move its bias by."""
+        """A new record tied to the fitted one, with what doubtful inputs may move its bias by."""
         record, starts, states = self.features_.resume(X, y)
-        if record.filled and record.filling_error is None:
-            record = replace(record, filling_error=self._filling_error().of_record(record))
         if record.twins and record.doubt is None:
             record = replace(record, doubt=self._doubt_of(record, starts, states))
         return record, starts, states
@@ -390,7 +384,7 @@ class FittedModel:
         return record, starts, states
 
     def _without_spoilt(self, record: Record) -> Record:
-        """The record without the readings where filled cells or gaps may move the bias by much.
+        """The record without the readings where gaps may move the bias by much.
 
         By a share of the residuals' deviation: in their own rows, and for a while after these.
         """
@@ -399,11 +393,6 @@ class FittedModel:
         limit = SPOILT * self.residual_std_
         rows, error = error_behind_gaps(record, self._laws_of_inputs(record.columns), limit)
         rows = rows[np.argsort(-error, kind="stable")[: int(MOST_SPOILT * record.n_used)]]
-        if record.filled:
-            spoilt = self._filling_error().of_record(record) > limit
-            for errors in record.filled.values():
-                spoilt |= np.isfinite(errors)
-            rows = np.concatenate((rows, np.flatnonzero(spoilt)))
         if not len(rows):
             return record
         reading: Any = LeftOut(record.reading, np.unique(rows))
@@ -414,27 +403,15 @@ class FittedModel:
         record = block.record
         if record.held is not None:
             flags[record.held[block.rows]] = JUMP
-        filled = np.zeros(len(block), bool)
-        for errors in record.filled.values():
-            filled |= np.isfinite(errors[block.rows])
-        error = np.zeros(len(block)) if record.filling_error is None else record.filling_error[block.rows]
-        doubt = np.zeros(len(block)) if record.doubt is None else record.doubt[block.rows]
-        self._mark_doubt(flags, np.hypot(error, doubt), filled)
+        if record.doubt is not None:
+            doubted = flags.are("", "outside fitted range")
+            flags[doubted & (record.doubt[block.rows] > self.residual_std_)] = "doubtful input"
         if record.gap_variance is not None:
             self._mark_behind_gaps(flags, record.gap_variance[block.rows])
 
-    def _mark_doubt(self, flags: Flags, doubt: np.ndarray, filled: np.ndarray) -> None:
-        """Flag rows with filled cells, and those where doubtful inputs may move the bias by more than the residuals.
-
-        Where nothing graver is said of them.
-        """
-        mild = flags.are("", "outside fitted range")
-        flags[mild & filled] = "filled"
-        flags[mild & (doubt > self.residual_std_)] = "doubtful input"
-
     def _mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
         """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
-        flags[flags.are("", "outside fitted range", "filled") & (variance > self.residual_std_**2)] = "behind gap"
+        flags[flags.are("", "outside fitted range") & (variance > self.residual_std_**2)] = "behind gap"
 
     def _laws_of_inputs(self, columns: Iterable[Any]) -> Iterator[InputLaw]:
         """Made when they are asked for."""
@@ -454,8 +431,6 @@ class FittedModel:
         flags = Flags(len(block))
         low, high = self._learned_ranges().T
         outside = self.reading_.outside(T) | np.any((parts < low) | (parts > high), axis=1)
-        for one in self.features_.filling_.stand_ins:
-            outside |= (block[one.column] < one.range[0]) | (block[one.column] > one.range[1])
         if outside.any():
             flags[outside] = "outside fitted range"
         flags[self._in_washout(block)] = "washout"

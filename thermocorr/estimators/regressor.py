@@ -62,7 +62,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
         wherever they are met again. Later inputs that move as these never did are held back or doubted, see
         `thermocorr.records.gate`.
-    reference_temperature, initial_state, hold, time, sampling_period, max_gap, fill : see `DiffusiveFeatures`
+    reference_temperature, initial_state, hold, time, sampling_period, max_gap : see `DiffusiveFeatures`
     run : str, optional
         Column with the label of a run. Each run has a level (U0) of its own, which `correct` keeps; runs must not
         overlap in time. Where runs measure the same quantity, leave it out: a gap starts a new segment.
@@ -138,7 +138,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         run: Any = None,
         sampling_period: Any = None,
         max_gap: Any = None,
-        fill: Any = None,
         reference: Any = None,
         verbose: int = 0,
     ):
@@ -156,7 +155,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.run = run
         self.sampling_period = sampling_period
         self.max_gap = max_gap
-        self.fill = fill
         self.reference = reference
         self.verbose = verbose
 
@@ -225,7 +223,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.alpha_ = penalty(self)
         say(f"fitting {n_columns} columns to {reading.n_readings} readings")
         self._solve(record, features)
-        believed = self._without_spoilt(record)  # what filled cells and gaps spoil is known now
+        believed = self._without_spoilt(record)  # what gaps spoil is known now
         if believed is not record:
             self._solve(believed, features)
         return believed
@@ -245,8 +243,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def without_effect(self, name: str) -> DynamicBiasRegressor:
         """A copy without one of its `effects`, fitted to the same rows with the same time constants and penalty.
 
-        It is solved from factors of the record, without another look at the data. Where this model is not fitted, was
-        read from a file, or fills cells by that effect's column, the copy is unfitted.
+        It is solved from factors of the record, without another look at the data. Where this model is not fitted, or
+        was read from a file, the copy is unfitted.
 
         Parameters
         ----------
@@ -266,8 +264,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         widths = [effect.n_columns() for effect in features.effect_list()]
         low, left = sum(widths[:at]), features.without(at)
         left.set_params(effects=self._run_levels.beside(as_effects(model.effects)))
-        if any(one.column not in left.history_.record.columns for one in features.filling_.stand_ins):
-            return model
         kept = [k for k in range(len(self.coef_)) if not low <= k < low + widths[at]]
         same = (
             "_degree", "search_", "_run_levels", "reading_", "alpha_", "n_features_in_", "feature_names_in_",

@@ -33,11 +33,11 @@ class UnitGuard:
     def of(cls, model: Any) -> UnitGuard:
         """Guard of a fitted `DynamicBiasRegressor`."""
         kept, (ambient, *further) = model.features_.history_.record, model.thermometers_
-        ranges = {one.column: one.range for one in model.features_.filling_.stand_ins}
+        ranges = {ambient: model.reading_.temperature_range}
         for name in further:
             values = np.delete(kept.columns[name], kept.skipped)
-            ranges.setdefault(name, (float(values.min()), float(values.max())))
-        return cls(model.reading_, {ambient: model.reading_.temperature_range, **{k: ranges[k] for k in further}})
+            ranges[name] = (float(values.min()), float(values.max()))
+        return cls(model.reading_, ranges)
 
     def check_readings(self, y: Any, X: Any) -> None:
         """Compare the unit of readings with that of the fitted ones; nothing where they have no name."""

@@ -42,12 +42,10 @@ from .effect_nodes import EffectCodec, check_state
 from .error_nodes import (
     numbers_or_nan,
     pack_errors,
-    pack_filling,
     pack_gaps,
     pack_reading,
     pack_screen,
     unpack_errors,
-    unpack_filling,
     unpack_gaps,
     unpack_reading,
     unpack_screen,
@@ -207,8 +205,7 @@ def _unpack_ticks(
 
 _MODEL = (
     "parameters", "intercept", "coefficients", "standard_errors", "columns", "alpha", "rank", "residual_std", "washout",
-    "ranges", "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "filling",
-    "errors",
+    "ranges", "notes", "n_features_in", "feature_names_in", "reading", "effects", "history", "errors",
 )  # fmt: skip
 
 
@@ -244,7 +241,6 @@ def pack_model(model: DynamicBiasRegressor, history_rows: int | None) -> dict[st
         "feature_names_in": None if names is None else [str(column) for column in names],
         "effects": effects,
         "history": pack_history(history, features.effect_list(), codec),
-        "filling": pack_filling(features.filling_),
         "errors": pack_errors(model._joint_errors(), features.effect_list(), codec) if model._knows_noise else None,
     }
 
@@ -292,7 +288,6 @@ def unpack_model(node: Any, where: str, codec: EffectCodec) -> DynamicBiasRegres
     features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
     _restore_features(features, node, where)
     features.history_ = unpack_history(node["history"], f"{where}.history", features.effect_list(), codec)
-    features.filling_ = unpack_filling(node["filling"], f"{where}.filling", features.history_.record.columns)
     features.screen_ = features.history_.screen
     features.n_features_in_ = model.n_features_in_ = integer(node["n_features_in"], f"{where}.n_features_in", 1)
     if parameters["temperature"] is not None:

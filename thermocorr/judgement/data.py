@@ -151,10 +151,8 @@ def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Eff
     check_columns(model.features_, as_fitted(model, X), reset=False)
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
     features = model.features_
-    fill = features.fill_in if features.filling_.stand_ins else None
-    return model._without_spoilt(
-        read_record(X, features.layout(), y=numeric_reading(y, X), needed=own, quiet=True, fill=fill)
-    )
+    read = read_record(X, features.layout(), y=numeric_reading(y, X), needed=own, quiet=True)
+    return model._without_spoilt(read)
 
 
 def suspect_record(

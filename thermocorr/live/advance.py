@@ -19,18 +19,17 @@ from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS
 from ..records.segments import Flags
 from .clock import Clock
-from .samples import outside
 from .state import StreamState
-from .uncertain import NOTHING, LiveErrors, LiveFilling
+from .uncertain import LiveErrors
 
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""
 REASONS = (
-    "suspect time", JUMP, "no reading", "washout", "doubtful input", "behind gap", "filled", "outside fitted range",
+    "suspect time", JUMP, "no reading", "washout", "doubtful input", "behind gap", "outside fitted range",
     "gap",
 )  # fmt: skip
 """Reasons for distrust that leave a number, the weightiest first."""
-SUSPECT, JUMPED, NO_READING, WASHOUT, DOUBTFUL, BEHIND, FILLED, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
+SUSPECT, JUMPED, NO_READING, WASHOUT, DOUBTFUL, BEHIND, OUTSIDE, GAP = (1 << bit for bit in range(len(REASONS)))
 FLAGS = tuple(tuple(r for bit, r in enumerate(REASONS) if mask >> bit & 1) for mask in range(1 << len(REASONS)))
 BACKWARD, STALE = ("backward time",), ("stale time",)
 NONE: dict[Any, Any] = {}
@@ -61,7 +60,6 @@ class Stream:
         self.effects = features.effect_list() if errors is None else errors.effects
         self.errors = errors
         self.temperature = temperature = history.record.temperature_name
-        self.filling = LiveFilling(model, continues) if features.filling_.stand_ins else None
         self.gap_error = model._gap_error()
         self.inputs = [column for column in needed_columns(self.effects) if column != temperature]
         self._steppers, self._others = (
@@ -84,11 +82,8 @@ class Stream:
         self._washout, self._deviation = model.washout_, model.residual_std_
         self._max_gap = math.inf if history.max_gap is None else history.max_gap
         motions = {} if history.screen is None else {c: one.motion for c, one in history.screen.inputs.items()}
-        stand_ins = [] if self.filling is None else [one.column for one in self.filling.filling.stand_ins]
         self._gates = [
-            (column, 1 << stand_ins.index(column) if column in stand_ins else 0, Gate(motion, self._max_gap))
-            for column, motion in motions.items()
-            if motion is not None
+            (column, Gate(motion, self._max_gap)) for column, motion in motions.items() if motion is not None
         ]
         self._doubts = Doubt(len(self._gates), self._deviation, self._washout)
         self.gap = GAP_STEPS * history.usual_step if history.max_gap is None else history.max_gap
@@ -102,8 +97,7 @@ class Stream:
 
     def state(self) -> StreamState:
         """All that is remembered of the samples so far."""
-        filled_to, filled_run, filling = (None, None, ()) if self.filling is None else self.filling.state(self.clock)
-        is_open = self._open and (self.filling is None or self.filling.n_ended == self._n_ended)
+        is_open = self._open
         states = tuple(stepper.state() for stepper in self._steppers) if is_open else ()
         key, zero = (self._sample.key, self._sample.segment_zero) if is_open else (None, 0)
         return StreamState(
@@ -114,12 +108,8 @@ class Stream:
             key=key,
             segment_zero=zero,
             states=states,
-            n_ended=int(self._n_ended),
-            filled_to=filled_to,
-            filled_run=filled_run,
-            filling=filling,
             behind_gap=self.gap_error.plain(self._behind_gap),
-            gates=tuple(gate.state() for *_, gate in self._gates),
+            gates=tuple(gate.state() for _, gate in self._gates),
             gated=self._gated,
             doubts=self._doubts.state() if is_open and self._has_twin else None,
             twin=tuple(stepper.state() for stepper in self._others) if is_open and self._has_twin else None,
@@ -128,12 +118,9 @@ class Stream:
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""
         self.last, self._run, self._seen = state.last, state.run, list(state.seen)
-        self._open, self._until, self._n_ended = state.open, -math.inf, state.n_ended
-        if self.filling is not None:
-            self.filling.put(state.filled_to, state.filled_run, state.filling)
-            self.filling.n_ended = max(self.filling.n_ended, state.n_ended)
+        self._open, self._until = state.open, -math.inf
         self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
-        for (*_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
+        for (_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
             gate.put(known)
         self._gated, self._has_twin = state.gated, state.twin is not None
         self._doubts.put(state.doubts)
@@ -157,20 +144,18 @@ class Stream:
 
     # ------------------------------------------------------------------------------------------------- one by one
 
-    def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool, felt: Any = NOTHING) -> Advanced:
+    def advance(self, stamp: Any, run: Any, values: dict[Any, float], known: bool) -> Advanced:
         """Go on by one sample that lacks no input.
 
-        `known` says whether it has a reading, `felt` what `LiveFilling.rows` says of it.
+        `known` says whether it has a reading.
         """
         sample, clock = self._sample, self.clock
         step = self.step_to(stamp, run)
         if step <= 0.0:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
         seconds = clock.between(stamp, self.history.zero)
-        error, filled, n_ended, bits = felt
-        values, twins, held, believed = self._judged(values, seconds, run, int(bits))
-        goes_on = self._open and step <= self._max_gap and step < math.inf and n_ended == self._n_ended
-        self._n_ended = n_ended
+        values, twins, held, believed = self._judged(values, seconds, run)
+        goes_on = self._open and step <= self._max_gap and step < math.inf
         self.last, self._run = stamp, run
         T = values[self.temperature]
         since = step
@@ -204,14 +189,10 @@ class Stream:
         for first, stop, low, high in self._guarded:
             if not low <= sum(map(mul, row[first:stop], self._weights[first:stop])) <= high:
                 mask |= OUTSIDE
-        if math.hypot(doubt, error) > self._deviation:
+        if doubt > self._deviation:
             mask |= DOUBTFUL
-        elif filled:
-            mask |= FILLED
         if unknown > self._deviation**2:
             mask |= BEHIND
-        if self.filling is not None and outside(self.filling.ranges, values):
-            mask |= OUTSIDE
         if bias - bias != 0.0:  # far outside: powers of it are no numbers
             bias, mask = math.nan, mask | OUTSIDE
         if step > self.gap:
@@ -222,18 +203,18 @@ class Stream:
         columns[0, self._active] = row
         seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
         found = self.errors.variances(columns, seconds, temperature, value, sample.key)
-        found[0] += error * error + doubt * doubt + unknown
+        found[0] += doubt * doubt + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
     def _judged(
-        self, values: dict[Any, float], seconds: float, run: Any, filled: int
+        self, values: dict[Any, float], seconds: float, run: Any
     ) -> tuple[dict[Any, float], dict[Any, float], bool, dict[Any, bool]]:
         """Inputs as they are taken, twins of doubted ones, whether one is held back, and which are believed again."""
         if run != self._gated:
             self._forget_inputs(run)
         twins, held, believed = NONE, False, NONE
-        for column, bit, gate in self._gates:
-            if filled & bit or (said := gate.one(values[column], seconds)) is None:
+        for column, gate in self._gates:
+            if (said := gate.one(values[column], seconds)) is None:
                 continue
             held, values = held or said.held, {**values, column: said.value}
             if said.twin == said.twin:
@@ -244,7 +225,7 @@ class Stream:
 
     def _forget_inputs(self, run: Any) -> None:
         self._gated = run
-        for *_, gate in self._gates:
+        for _, gate in self._gates:
             gate.put(EMPTY)
 
     def _stepped(self, steps: Sequence[Any], values: dict[Any, float]) -> tuple[list[float], float]:
@@ -261,7 +242,7 @@ class Stream:
     def _doubt(self, bias: float, others: dict[Any, float], twins: Any, believed: Any, seconds: float) -> float:
         """Change of the bias by doubtful inputs."""
         _, found = self._stepped(self._other_steps, others)
-        doubted, sure = (np.array([[column in each for column, *_ in self._gates]]) for each in (twins, believed))
+        doubted, sure = (np.array([[column in each for column, _ in self._gates]]) for each in (twins, believed))
         doubt = self._doubts.rows(doubted, sure, np.array([bias - found]), np.array([seconds]))
         self._has_twin = not self._doubts.over()
         return float(doubt[0])
@@ -311,13 +292,8 @@ class Stream:
 
     # -------------------------------------------------------------------------------------------------- in blocks
 
-    def advance_block(
-        self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray, felt: np.ndarray
-    ) -> AdvancedBlock:
-        """Go on by many samples of one run at once, none of which lacks an input; rows as they came.
-
-        `felt` is what `LiveFilling.rows` says of them.
-        """
+    def advance_block(self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray) -> AdvancedBlock:
+        """Go on by many samples of one run at once, none of which lacks an input; rows as they came."""
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
@@ -325,7 +301,7 @@ class Stream:
         late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
-        values, twins, held, believed = self._judged_rows(rows, stamps, run, values, felt[:, 3].astype(int))
+        values, twins, held, believed = self._judged_rows(rows, stamps, run, values)
         if not len(rows):
             return out
         kept: Any = slice(None) if len(rows) == len(stamps) else rows
@@ -336,8 +312,6 @@ class Stream:
         steps[1:] = self.clock.between(here[1:], here[:-1])
         fresh = steps > self._max_gap
         fresh[0] |= not (self._open and same_run)
-        fresh |= np.diff(felt[kept, 2], prepend=self._n_ended) > 0
-        self._n_ended = int(felt[rows[-1], 2])
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
         twins, believed = ({name: column[kept] for name, column in each.items()} for each in (twins, believed))
@@ -355,7 +329,7 @@ class Stream:
 
         measured, behind = reading[kept], {} if fresh[0] else {0: self._behind_gap}
         doubted, sure = np.zeros((2, len(here), len(self._gates)), bool)
-        for number, (column, *_) in enumerate(self._gates):
+        for number, (column, _) in enumerate(self._gates):
             if column in twins:
                 doubted[:, number] = np.isfinite(twins[column])
             if column in believed:
@@ -373,7 +347,7 @@ class Stream:
                         self._doubts.put()
                     difference = bias - self.model._removed_part(next(other_blocks)[1])
                     doubt = self._doubts.rows(doubted[block.rows], sure[block.rows], difference, block.seconds)
-                self.model._mark_doubt(flags, np.hypot(doubt, felt[into, 0]), felt[into, 1] > 0)
+                flags[flags.are("", "outside fitted range") & (doubt > self._deviation)] = "doubtful input"
                 unknown = self.gap_error.of_block(block, behind)
                 self.model._mark_behind_gaps(flags, unknown)
                 absurd = ~np.isfinite(bias)
@@ -386,7 +360,7 @@ class Stream:
                     found = self.errors.variances(
                         step.columns, block.seconds, block.temperature, bias, block.segment_key
                     )
-                    found[0] += felt[into, 0] ** 2 + doubt**2 + unknown
+                    found[0] += doubt**2 + unknown
                     unsure = np.isnan(measured[block.rows]) | flags.are("no reading")
                     found[:, unsure | self.model._in_washout(block)] = np.nan
                     out.variances[:, into] = found
@@ -399,7 +373,7 @@ class Stream:
         return out
 
     def _judged_rows(
-        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray], filled: np.ndarray
+        self, rows: np.ndarray, stamps: np.ndarray, run: Any, values: dict[Any, np.ndarray]
     ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, dict[Any, np.ndarray]]:
         """`_judged` of some of many rows."""
         twins: dict[Any, np.ndarray] = {}
@@ -407,9 +381,7 @@ class Stream:
         values, held = dict(values), np.zeros(len(stamps), bool)
         if len(rows) and run != self._gated:
             self._forget_inputs(run)
-        every = rows
-        for column, bit, gate in self._gates:
-            rows = every[filled[every] & bit == 0] if bit else every
+        for column, gate in self._gates:
             seconds = self.clock.between(stamps[rows], self.history.zero)
             said = gate.many(values[column][rows], seconds) if len(rows) else None
             if said is None:

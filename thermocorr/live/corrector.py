@@ -34,7 +34,7 @@ from .samples import (
     stretches,
 )
 from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
-from .uncertain import NOTHING, LiveErrors
+from .uncertain import LiveErrors
 
 
 class OnlineCorrector:
@@ -257,21 +257,10 @@ class OnlineCorrector:
             if not self._placed and not self._found(values):
                 return self._accompanied(math.nan, Advanced(math.nan, (NO_TEMPERATURE,), False), stream.clock.next_row)
             stamp = stream.clock.stamp(None)
-        if stream.filling is None:
-            return self._advance(stamp, run, values, U, NOTHING)
-        if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
-            self._put(self._doubt)
-            self._doubt = None
-        before = self._state() if stream.step_to(stamp, run) > stream.gap else None
-        values = dict(values)
-        felt = stream.filling.one(stamp, run, values, stream.clock)
-        done = self._advance(stamp, run, values, U, felt)
-        if self._doubt is not None and before is not None:
-            self._doubt = before  # as it was before the filling went on
-        return done
+        return self._advance(stamp, run, values, U)
 
-    def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float, felt: Any) -> Corrected:
-        """`update_stamp` where missing cells have been filled as far as they can be, see `LiveFilling`."""
+    def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
+        """`update_stamp` of a sample whose stamp is known."""
         stream = self._stream
         refused = ""
         for name, limits in self._screen.inputs.items():
@@ -284,7 +273,7 @@ class OnlineCorrector:
             self._consider(stamp, run)
         doubted = self._screen.reading.reason(U, stamp)
         known = U - U == 0.0 and not doubted
-        done = stream.advance(stamp, run, values, known, felt)
+        done = stream.advance(stamp, run, values, known)
         if doubted:
             done = done._replace(flags=tuple(doubted if flag == "no reading" else flag for flag in done.flags))
         corrected = U - done.bias if known else math.nan
@@ -375,23 +364,15 @@ class OnlineCorrector:
                 self._stream.clock.next_rows(len(reading))
                 return out
             stamps = self._stream.clock.next_rows(len(reading))
-        felt = np.zeros((len(reading), len(NOTHING)))
-        if self._stream.filling is not None:
-            values = {name: np.array(column, float) for name, column in values.items()}
-            for low, high, run in stretches(runs, len(stamps)):
-                some = {name: column[low:high] for name, column in values.items()}
-                felt[low:high] = self._stream.filling.rows(stamps[low:high], run, some, self._stream.clock)
-                for name, column in some.items():
-                    values[name][low:high] = column
-        return self._update_filled(stamps, values, reading, runs, short, felt)
+        return self._update_known(stamps, values, reading, runs, short)
 
-    def _update_filled(
-        self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int, felt: np.ndarray
+    def _update_known(
+        self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int
     ) -> Answers:
-        """`update_stamps` where missing cells have been filled as far as they can be, see `LiveFilling`."""
+        """`update_stamps` of rows whose stamps are known."""
         why = refused_rows(self._screen.inputs, stamps, values)
         if why is not None:
-            return self._passed_over(why, stamps, values, reading, runs, short, felt)
+            return self._passed_over(why, stamps, values, reading, runs, short)
         out = Answers(len(reading))
         for low, high, run in stretches(runs, len(stamps)):
             at = low
@@ -402,29 +383,27 @@ class OnlineCorrector:
                 stop = at + max(n_sure, 1)
                 rows = slice(at, stop)
                 if stop - at < short:
-                    self._singly(rows, stamps, run, values, reading, felt, out)
+                    self._singly(rows, stamps, run, values, reading, out)
                 else:
                     if not n_sure:
                         self._consider(ahead[0].item(), run)
-                    self._together(rows, stamps, run, values, reading, felt, out)
+                    self._together(rows, stamps, run, values, reading, out)
                 at = stop
         return out
 
-    def _passed_over(
-        self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int, felt: Any
-    ) -> Answers:
-        """`_update_filled` without the rows that the screen refuses, `why` not being "": as if they had not come."""
+    def _passed_over(self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int) -> Answers:
+        """`_update_known` without the rows that the screen refuses, `why` not being "": as if they had not come."""
         kept = why == ""
         before, inner = math.nan if self.track is None else self.track.value, Answers(0)
         if kept.any():
             some = {name: column[kept] for name, column in values.items()}
             of_runs = None if runs is None else runs[kept]
-            inner = self._update_filled(stamps[kept], some, reading[kept], of_runs, short, felt[kept])
+            inner = self._update_known(stamps[kept], some, reading[kept], of_runs, short)
         return inner.spread(why, before)
 
-    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Answers) -> None:
+    def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Answers) -> None:
         some = {name: column[rows] for name, column in values.items()}
-        block = self._stream.advance_block(stamps[rows], run, some, reading[rows], felt[rows])
+        block = self._stream.advance_block(stamps[rows], run, some, reading[rows])
         corrected = reading[rows] - block.bias
         for doubted, _ in self._screen.reading.reasons(reading[rows], lambda k: stamps[rows.start + k].item()):
             corrected[doubted] = np.nan
@@ -437,7 +416,7 @@ class OnlineCorrector:
             trusted = block.flags.are("", "gap")
             out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
 
-    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, felt: Any, out: Answers) -> None:
+    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Answers) -> None:
         columns = zip(*(column[rows].tolist() for column in values.values()), strict=True)
-        samples = zip(stamps[rows].tolist(), columns, reading[rows].tolist(), felt[rows].tolist(), strict=True)
-        out[rows] = [self._advance(t, run, dict(zip(values, one, strict=True)), U, more) for t, one, U, more in samples]
+        samples = zip(stamps[rows].tolist(), columns, reading[rows].tolist(), strict=True)
+        out[rows] = [self._advance(t, run, dict(zip(values, one, strict=True)), U) for t, one, U in samples]

@@ -159,8 +159,3 @@ def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any
     check_dates(codes, names, "The column of the run's label")
     edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), n]
     return [(low, high, labels.iloc[low]) for low, high in pairwise(edges)]
-
-
-def outside(ranges: Sequence[tuple[Any, float, float]], values: dict[Any, float]) -> bool:
-    """True if a further column lies outside its fitted range."""
-    return any(not low <= values[column] <= high for column, low, high in ranges)

@@ -28,7 +28,7 @@ from ..files.effect_nodes import EffectCodec, check_state
 from ..files.error_nodes import numbers_or_nan
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
 from ..records.grammar import LARGEST
-from .uncertain import LiveErrors, LiveFilling, Numbers
+from .uncertain import LiveErrors
 
 _MOST_CORRECTED = 1e300
 """Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""
@@ -55,14 +55,6 @@ class StreamState:
     """Stamp of its first sample."""
     states: tuple[Any, ...] = ()
     """State of each effect, where a segment goes on."""
-    filling: tuple[tuple[float, ...], ...] = ()
-    """What `LiveFilling.state` says; none before the first sample."""
-    n_ended: int = 0
-    """How many segments holes had ended when its last sample came."""
-    filled_to: Any = None
-    """Stamp of the last sample that it has seen."""
-    filled_run: Any = None
-    """Label of the last sample's run."""
     behind_gap: tuple[tuple[float, ...] | None, ...] = ()
     """Covariance of what the lags of each column feel of gaps, row by row; none where that is forgotten."""
     gates: tuple[tuple[float, ...], ...] = ()
@@ -165,10 +157,6 @@ def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
         "key": state.key,
         "segment_zero": state.segment_zero,
         "states": _packed_states(state.states, effects),
-        "filling": [[None if math.isnan(value) else value for value in each] for each in state.filling],
-        "n_ended": state.n_ended,
-        "filled_to": state.filled_to,
-        "filled_run": pack(state.filled_run, "the label of the run"),
         "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
         "gates": [[None if math.isnan(value) else value for value in each] for each in state.gates],
         "gated": pack(state.gated, "the label of the run"),
@@ -223,10 +211,6 @@ def _unpacked(
         key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
         segment_zero=stamp("segment_zero") if is_open else 0,
         states=states,
-        n_ended=counted(node["n_ended"], f"{where}.n_ended"),
-        filling=_filling(node["filling"], f"{where}.filling", model),
-        filled_to=None if node["filled_to"] is None else stamp("filled_to"),
-        filled_run=label(unpack(node["filled_run"], f"{where}.filled_run"), f"{where}.filled_run"),
         behind_gap=_behind_gap(node["behind_gap"], f"{where}.behind_gap", model),
         gates=_gates(node["gates"], f"{where}.gates", model),
         gated=label(unpack(node["gated"], f"{where}.gated"), f"{where}.gated"),
@@ -235,17 +219,6 @@ def _unpacked(
         averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
         tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
     )
-
-
-def _filling(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
-    if node == []:
-        return ()
-    given = items(node, where)
-    widths = LiveFilling(model, False).widths(len(given))
-    if len(given) != len(widths):
-        raise unexpected(where, f"{len(given)} parts", f"{len(widths)} parts")
-    pairs = enumerate(zip(given, widths, strict=True))
-    return tuple(tuple(numbers_or_nan(each, f"{where}[{i}]", width)) for i, (each, width) in pairs)
 
 
 def _inputs(model: DynamicBiasRegressor) -> int:
@@ -260,7 +233,7 @@ def _doubts(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[i
     return found, number(apart, f"{where}[{len(stands)}]", -LARGEST, LARGEST)
 
 
-def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> Numbers:
+def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...], ...]:
     if node == []:
         return ()
     found = []

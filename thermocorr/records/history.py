@@ -385,8 +385,7 @@ class History:
             follows = first_of_run and (self.max_gap is None or step <= self.max_gap)
             return (SegmentStart(key, zero, step), None) if follows else None
         if self.record.stamp(row) == stamp:  # a fitted row, unless another log counts its time from the same zero
-            known = {name: value for name, value in values.items() if value == value}  # those filled tell nothing
-            if any(known.get(name, kept[row]) != kept[row] for name, kept in self.record.columns.items()):
+            if any(values[name] != kept[row] for name, kept in self.record.columns.items()):
                 return None
             if held is not None and not held(key):
                 return None
@@ -513,6 +512,5 @@ class History:
 
 
 def _values(record: Record, row: int) -> dict[object, float]:
-    """Values of a row by column: NaN where a cell was filled."""
-    gone = {name for name, errors in record.filled.items() if np.isfinite(errors[row])}
-    return {name: np.nan if name in gone else float(column[row]) for name, column in record.columns.items()}
+    """Values of a row by column."""
+    return {name: float(column[row]) for name, column in record.columns.items()}

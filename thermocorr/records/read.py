@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -44,15 +44,7 @@ class Layout:
         return None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
 
 
-def read_record(
-    X: Any,
-    layout: Layout,
-    *,
-    y: Any = None,
-    needed: Sequence[object] = (),
-    quiet: bool = False,
-    fill: Callable[[Record], Record] | None = None,
-) -> Record:
+def read_record(X: Any, layout: Layout, *, y: Any = None, needed: Sequence[object] = (), quiet: bool = False) -> Record:
     """Validate a record and find its times and segments.
 
     Parameters
@@ -70,8 +62,6 @@ def read_record(
         if it had not been recorded.
     quiet : bool
         Do not warn about the record's quality (it is noted in `Record.notes` all the same).
-    fill : callable, optional
-        Fills missing cells of a record in memory, before rows that lack some are passed over.
 
     Raises
     ------
@@ -99,7 +89,7 @@ def read_record(
         times=times, temperature_name=name, columns=columns, segments=tuple(segments), order=order, weight=weight,
         reading=reading,
     )  # fmt: skip
-    record = _known(record if fill is None or isinstance(X, Log) else fill(record), layout, notes)
+    record = _known(record, layout, notes)
     record = replace(record, notes=tuple(notes))
     if not record.segments and record.times.kind not in ("rows", "seconds"):
         raise RecordError("The data have 0 rows. Check the file, or the selection that made them.")

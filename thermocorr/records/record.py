@@ -196,10 +196,6 @@ class Record:
     """How much each reading counts in a fit, shape (n_rows,); None where all do alike."""
     refused: tuple[Refused, ...] = ()
     """What the screen left out of this record."""
-    filled: Mapping[object, Floats] = field(default_factory=dict, repr=False)
-    """Standard deviation of the cells of a column that were missing and are filled, NaN for others, shape (n_rows,)."""
-    filling_error: Floats | None = field(default=None, repr=False)
-    """What that may move the bias of a model by in each row, 0 where it is not felt, shape (n_rows,); None for none."""
     held: NDArray[np.bool_] | None = field(default=None, repr=False)
     """Rows in which an input is held back: the last value that was believed stands there; None for none."""
     twins: Mapping[object, Floats] = field(default_factory=dict, repr=False)
@@ -239,10 +235,9 @@ class Record:
         return at < len(self.skipped) and int(self.skipped[at]) == k
 
     def input_variance(self, rows: Any) -> Floats | float:
-        """Variance of a model's bias by what is not known of its inputs in some of the user's rows: cells, gaps."""
-        filled = 0.0 if self.filling_error is None else self.filling_error[rows] ** 2
+        """Variance of a model's bias by what is not known of its inputs in some of the user's rows: doubts, gaps."""
         doubt = 0.0 if self.doubt is None else self.doubt[rows] ** 2
-        return filled + doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
+        return doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
 
     def rows_at(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
         """The user's rows at some places in time order."""

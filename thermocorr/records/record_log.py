@@ -58,9 +58,7 @@ class RecordLog(Log):
             self._check_gaps(most)
         columns = {name: self[name] for name in names}
         reading, weight = reading_of(y, self, layout.reference)
-        return replace(
-            self.record, columns=columns, reading=reading, weight=weight, refused=(), filled={}, known_moments={}
-        )
+        return replace(self.record, columns=columns, reading=reading, weight=weight, refused=(), known_moments={})
 
     def _temperature(self, layout: Any) -> Any:
         name = self.record.temperature_name

@@ -10,7 +10,7 @@ each input moves (`thermocorr.records.gate`).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -174,17 +174,6 @@ class Screen:
     """By column, the temperature first."""
     reading: Limits = field(default_factory=Limits)
 
-    def moving_as(self, record: Record, columns: Sequence[Any]) -> Screen:
-        """The screen with the motions of some columns in a record whose missing cells are filled."""
-        inputs = dict(self.inputs)
-        for column in columns:
-            filled = record.filled.get(column, np.zeros(0))
-            places = np.flatnonzero(np.isfinite(filled if record.order is None else filled[record.order]))
-            known = record.passing_over(places, None) if len(places) else record
-            if known.segments:
-                inputs[column] = replace(inputs[column], motion=Motion.of(known, column))
-        return replace(self, inputs=inputs)
-
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
         """The record without the values that are codes, or single ones in another unit.
 
@@ -246,9 +235,6 @@ class Screen:
                     run, gate = segment.run, Gate(limits.motion, np.inf if max_gap is None else max_gap)
                 for start in range(segment.start, segment.stop, CHUNK):
                     rows = record.kept(start, min(start + CHUNK, segment.stop))
-                    if column in record.filled:  # an estimate is not judged
-                        rows = record.rows_at(record.kept_places(start, min(start + CHUNK, segment.stop)))
-                        rows = rows[np.isnan(record.filled[column][rows])]
                     if isinstance(rows, slice) or len(rows):
                         yield column, gate, rows
 
