@@ -9,7 +9,6 @@ columns. Strength is the rms of the hidden effect, after a static quadratic in T
 noise of one sample. The base model is `DynamicBiasRegressor("temperature")`. An effect that it has absorbed (modelled
 reading within 0.15 noise standard deviations of the truth) is left out of the shares. A random telegraph that is called
 several steps, or a stretch that was switched there and back (a disturbance), is owned up to: that is what it is.
-"products": the base model has chosen products of lags, which devices with lag products should get, and no others.
 
 Several at once, whose kinds are drawn anew for each record: an effect counts where the record can show it, that is
 where what is left of it given the base model's columns and the other effects gains at least `SHOWN` in log likelihood
@@ -39,7 +38,7 @@ UNKNOWN = ("random_telegraph", "random_walk")
 NAMES = ("column", "fast", "slow")
 SHOWN = 15.0  # log likelihood; a diagnosis proves nothing that gains less than about 12
 NOT_PLANTED = (
-    "lead", "thermometer_noise", "sensitivity_step", "thermal_lag", "delay", "rate", "initial_transient",
+    "lead", "sensitivity_step", "thermal_lag", "delay", "rate", "initial_transient",
     "quadratic_covariate",
 )  # fmt: skip
 """Not planted by `make_record`, or taken up by the base model's own lags and decays."""
@@ -98,7 +97,7 @@ def judge(kind: str, setting: str, seed: int, strength: float) -> dict[str, Any]
         "confirmed": true in [name_of(cause.effect) for cause in found.causes],
         "calm": found.verdict == "nothing missing",
         "owned up": not accused or (kind == "random_telegraph" and suspects[0] in ("several_steps", "disturbance")),
-        "column blamed": accused and ":" in suspects[0], "products": bool(case.model.products_),
+        "column blamed": accused and ":" in suspects[0],
     }  # fmt: skip
 
 
@@ -107,7 +106,7 @@ def campaign(kinds: list[str], seeds: list[int], strength: float, verbose: bool)
     results = (judge(kind, *case, strength) for kind, *case in itertools.product(kinds, SETTINGS, seeds))
     table = pd.DataFrame([result for result in results if result is not None])
     seen = table[~table["absorbed"]]
-    shares = seen.groupby("kind", sort=False)[["accused", "first", "named", "owned up", "column blamed", "products"]]
+    shares = seen.groupby("kind", sort=False)[["accused", "first", "named", "owned up", "column blamed"]]
     print(
         f"\nstrength {strength:g}: {len(table)} records, of which the base model has absorbed {len(table) - len(seen)}"
     )

@@ -50,8 +50,7 @@ def random_model(rng, layout: Layout, max_gap: float | None, run: bool) -> Dynam
     return DynamicBiasRegressor(
         None, (s * 10 ** np.sort(rng.uniform(0.3, 2.7, rng.integers(1, 5)))).tolist(), degree,
         effects=[every[k] for k in rng.choice(len(every), rng.integers(5), replace=False)],
-        products=bool(rng.random() < 0.25), initial_state=str(rng.choice(["fit", "equilibrium"])),
-        hold=str(rng.choice(["first_order", "zero_order"])),
+        products=bool(rng.random() < 0.25),
         alpha=float(rng.choice([0.0, 1e-6])),
         max_gap=max_gap, run="run" if run else None, **layout.keywords,
     )  # fmt: skip

@@ -37,6 +37,7 @@ from sklearn.pipeline import make_pipeline
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, diagnose
+from thermocorr.effects import ThermalLag
 from thermocorr.foreign import read_log
 from thermocorr.records.times import dates_once
 
@@ -128,7 +129,7 @@ def segments() -> list[Line]:
     X, y = record(84_000)
     runs = X.assign(run=np.arange(len(X)) * 300 // len(X))
     many = DynamicBiasRegressor("temperature", TAUS[:4], run="run")
-    rest = DynamicBiasRegressor("temperature", TAUS[:4], run="run", initial_state="equilibrium")
+    rest = DynamicBiasRegressor("temperature", [], run="run", effects=[ThermalLag(TAUS[:4])])
     what, fitted = "300 runs with start-up decays, 84 000 rows", partial(many.fit, runs, y)
     return [
         Line(f"fit of {what}", "without the decays", fitted, partial(rest.fit, runs, y), 5),
@@ -143,7 +144,7 @@ def searches(n: int, sets: int) -> Line:
     rng = np.random.default_rng(0)
     chosen = [tuple(np.sort(rng.choice(pool, 6, replace=False))) for _ in range(1000)]
     search = TimeConstantSearch(
-        DynamicBiasRegressor(degree=1, initial_state="equilibrium"), chosen, alphas=[1e-6], cv=TimeSeriesSplit(5),
+        DynamicBiasRegressor(degree=1), chosen, alphas=[1e-6], cv=TimeSeriesSplit(5),
         refit=False,
     )  # fmt: skip
     grid = GridSearchCV(

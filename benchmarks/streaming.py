@@ -49,7 +49,7 @@ def job(name: str, path: str) -> None:
     DynamicBiasRegressor(time_constants=[10.0, 100.0], sampling_period=1.0).fit(T, T[:, 0])
     log = ParquetLog(path)
     taus = "auto" if name == "search" else TIME_CONSTANTS
-    model = DynamicBiasRegressor("temperature", taus, degree=1, sampling_period=STEP, initial_state="equilibrium")
+    model = DynamicBiasRegressor("temperature", taus, degree=1, sampling_period=STEP)
     began = time.perf_counter()
     if name != "nothing":
         model.fit(log, log["reading"])

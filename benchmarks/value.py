@@ -147,7 +147,7 @@ ODD: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] =
     "30 min away": lambda T, step, rng: pd.Series(T).ewm(alpha=-np.expm1(-step / 1800), adjust=False).mean().to_numpy(),
     "averages of ten rows": lambda T, step, rng: np.repeat(T.reshape(-1, 10).mean(axis=1), 10),
 }
-TRUE = ("lead", "thermometer_noise", "delay", "rate", "thermal_lag", "lag_products")
+TRUE = ("lead", "delay", "rate", "thermal_lag", "lag_products")
 """What may be said of such a thermometer without untruth."""
 
 

@@ -29,7 +29,6 @@ from thermocorr.effects import (
     StaticPolynomial,
     Step,
     ThermalLag,
-    ThermometerNoise,
 )
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.records import Layout, read_record
@@ -46,7 +45,6 @@ EXAMPLES = [
     Delay("25 min"),
     Lead(7.0),
     Lead("25 min", ["20 min", "2 h"]),
-    ThermometerNoise("10 min"),
     Covariate("humidity"),
     Covariate("humidity", power=2),
     LaggedCovariate("humidity", ["20 min"], power=2),

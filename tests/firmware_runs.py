@@ -47,7 +47,7 @@ ALL_AT_ONCE = [
 KINDS = {
     "static_polynomial": {"effects": [StaticPolynomial(3, lowest_power=2)]},
     "thermal_lag": {"effects": [ThermalLag([90.0, 4000.0])]},
-    "thermal_lag, held": {"effects": [ThermalLag([90.0, 4000.0], "zero_order")], "hold": "zero_order"},
+    "thermal_lag, held": {"effects": [ThermalLag([90.0, 4000.0], "zero_order")]},
     "thermal_lag, 1e7 s": {"time_constants": [1e7], "alpha": 1e-3},
     "thermal_lag, paper's size": {"time_constants": SIX, "degree": 2, "n": 40_000},
     "initial_transient": {"effects": [InitialTransient(["10 min", "5 h"])]},

@@ -5,7 +5,15 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, compare_variants, diagnose, refine
+from thermocorr import (
+    DiffusiveFeatures,
+    DynamicBiasRegressor,
+    OnlineCorrector,
+    TimeConstantSearch,
+    compare_variants,
+    diagnose,
+    refine,
+)
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, LaggedCovariate
 from thermocorr.equations import allan_deviation
@@ -115,8 +123,11 @@ CASES = {
     "negative degree": (lambda: fit(degree=-1), "'degree' parameter.*Got -1"),
     "negative alpha": (lambda: fit(alpha=-1.0), "'alpha' parameter.*Got -1"),
     "negative alpha of the ridge": (lambda: MergedRidge(-1.0).fit(X, Y), "'alpha' parameter.*Got -1"),
-    "unknown initial state": (lambda: fit(initial_state="warm"), "'initial_state' parameter.*'warm'"),
-    "unknown hold": (lambda: fit(hold="cubic"), "'hold' parameter.*'cubic'"),
+    "unknown initial state": (
+        lambda: DiffusiveFeatures([60], initial_state="warm").fit(X),
+        "'initial_state' parameter.*'warm'",
+    ),
+    "unknown hold": (lambda: DiffusiveFeatures([60], hold="cubic").fit(X), "'hold' parameter.*'cubic'"),
     "unknown reference": (lambda: fit(reference_temperature="median"), "'reference_temperature' parameter"),
     "zero sampling period": (lambda: plain(untimed(), sampling_period=0), "'sampling_period'.*positive time"),
     "sampling period in words": (lambda: plain(untimed(), sampling_period="fast"), "'sampling_period'.*'fast'"),

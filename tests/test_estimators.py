@@ -167,7 +167,7 @@ def test_standard_errors_hold_for_correlated_residuals():
         noise[0] = shocks[0]
         for k in range(1, n):
             noise[k] = 0.8 * noise[k - 1] + shocks[k]
-        model = DynamicBiasRegressor(time_constants=[30.0], degree=1, sampling_period=1.0, initial_state="equilibrium")
+        model = DynamicBiasRegressor(time_constants=[30.0], degree=1, sampling_period=1.0)
         table = model.fit(T[:, None], 2.0 * T + noise).coef_table()
         hits += abs(table.coefficient["x0"] - 2.0) < 2 * table.standard_error["x0"]
     assert hits >= 34

@@ -6,10 +6,10 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.displays import InnerTemperaturesDisplay
-from thermocorr.effects import InitialTransient
+from thermocorr.effects import InitialTransient, ThermalLag
 
 TAUS = (600.0, 7200.0)
-SETTINGS = {"initial_state": "equilibrium", "effects": [InitialTransient(TAUS)]}  # the slow part was not at rest
+WITH_START = [ThermalLag(TAUS), InitialTransient(TAUS)]  # the slow part was not at rest
 START = (3.0, -5.0)
 """Inner less ambient temperature when the record begins [K]."""
 
@@ -35,7 +35,7 @@ def simulated(n=6000, step=30.0, seed=0):
 @pytest.fixture(scope="module")
 def device():
     X, y, inner = simulated()
-    return X, y, inner, DynamicBiasRegressor("temperature", list(TAUS), 1, **SETTINGS).fit(X, y)
+    return X, y, inner, DynamicBiasRegressor("temperature", [], 1, effects=WITH_START).fit(X, y)
 
 
 def test_they_are_those_of_the_device(device):
@@ -59,7 +59,7 @@ def test_the_reading_is_made_of_them(device):
 
 def test_later_rows_go_on_where_the_fitted_ones_ended(device):
     X, y, inner, _ = device
-    model = DynamicBiasRegressor("temperature", list(TAUS), 1, **SETTINGS).fit(X[:4000], y[:4000])
+    model = DynamicBiasRegressor("temperature", [], 1, effects=WITH_START).fit(X[:4000], y[:4000])
     np.testing.assert_allclose(model.inner_temperatures(X[4000:])["temperature"], inner[4000:], rtol=0, atol=1e-3)
 
 
@@ -67,7 +67,7 @@ def test_rows_that_are_passed_over_have_none(device):
     X, y, _, _ = device
     gappy = X.copy()
     gappy.iloc[100:103] = np.nan
-    model = DynamicBiasRegressor("temperature", list(TAUS), 1, **SETTINGS).fit(gappy, y)
+    model = DynamicBiasRegressor("temperature", [], 1, effects=WITH_START).fit(gappy, y)
     assert model.inner_temperatures(gappy).isna().any(axis=1).sum() == 3
 
 
@@ -75,7 +75,7 @@ def test_each_run_has_a_start_of_its_own(device):
     X, y, inner, _ = device
     both = pd.concat([X, X.set_axis(X.index + pd.Timedelta("30 days"))])
     both["run"] = ["a"] * len(X) + ["b"] * len(X)
-    model = DynamicBiasRegressor("temperature", list(TAUS), 1, run="run", **SETTINGS).fit(both, np.concatenate((y, y)))
+    model = DynamicBiasRegressor("temperature", [], 1, effects=WITH_START, run="run").fit(both, np.concatenate((y, y)))
     np.testing.assert_allclose(model.inner_temperatures(both)["temperature"], np.vstack((inner, inner)), atol=1e-3)
 
 

@@ -7,7 +7,7 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.effects import CATALOGUE, Lead, ThermometerNoise
+from thermocorr.effects import CATALOGUE, Lead
 from thermocorr.effects.stream import own_starts, walk
 from thermocorr.equations import lag_differences
 from thermocorr.firmware import export_c
@@ -48,7 +48,7 @@ def test_streams_and_devices_refuse_what_they_cannot_know(tmp_path):
         OnlineCorrector(model)
     with pytest.raises(ValueError, match=words.format("a device")):
         export_c(model, tmp_path)
-    assert [kind for kind, effect in CATALOGUE.items() if effect.foresees] == ["lead", "thermometer_noise"]
+    assert [kind for kind, effect in CATALOGUE.items() if effect.foresees] == ["lead"]
 
 
 def ahead(seed, lead, noise=None):
@@ -77,7 +77,7 @@ def test_rows_behind_the_fit_tell_what_came_after_its_end(irregular, lead, tmp_p
             np.testing.assert_allclose(predicted[known], whole[600:stop][known], rtol=1e-10)
 
 
-@pytest.mark.parametrize("effect", [Lead(300.0), Lead(300.0, [900.0]), ThermometerNoise(120.0)], ids=repr)
+@pytest.mark.parametrize("effect", [Lead(300.0), Lead(300.0, [900.0])], ids=repr)
 @pytest.mark.parametrize("irregular", [0.0, 0.5])
 def test_rows_passed_over_where_a_block_looks_ahead_do_not_end_the_record(effect, irregular):
     """Columns, and what a lead carries on, are the same however the record is cut."""

@@ -15,7 +15,7 @@ from sklearn.preprocessing import SplineTransformer
 import thermocorr
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.effects import Covariate, Effect, InitialTransient, LaggedCovariate
+from thermocorr.effects import Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
 from thermocorr.files.codec import pack, parse, render, unpack
 from thermocorr.files.model_file import data_digest
@@ -69,14 +69,11 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("initial_state", ["fit", "equilibrium"])
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_kind_of_time_comes_back(layout, initial_state, tmp_path):
+def test_every_kind_of_time_comes_back(layout, tmp_path):
     X, more = LAYOUTS[layout](log(600, seed=4))
     y = readings(log(600, seed=4)).to_numpy()
-    model = DynamicBiasRegressor(
-        time_constants=["5 min", 7200.0], products=True, initial_state=initial_state, hold="zero_order", **more
-    ).fit(X[:450], y[:450])
+    model = DynamicBiasRegressor(time_constants=["5 min", 7200.0], products=True, **more).fit(X[:450], y[:450])
     again = there_and_back(model, tmp_path)
     for rows in (slice(0, 450), slice(450, 600), slice(300, 400), slice(0, 600)):
         np.testing.assert_array_equal(model.predict(X[rows]), again.predict(X[rows]))
@@ -330,8 +327,7 @@ def test_a_start_as_long_as_its_segment_survives_the_file(tmp_path):
     """In a segment shorter than the longest decay, one as long as the segment stands for it."""
     record = make_record(1500, runs=3, seed=2)
     X, y = record[["temperature", "run"]], record["reading"]
-    model = DynamicBiasRegressor("temperature", run="run", time_constants=[600.0, "1 h"], initial_state="equilibrium",
-                                 effects=[InitialTransient(["40 h"])]).fit(X, y)  # fmt: skip
+    model = DynamicBiasRegressor("temperature", run="run", time_constants=[600.0, "40 h"]).fit(X, y)
     decays = next(effect for effect in model.features_.effect_list() if effect.kind == "initial_transient").decays_
     assert not np.isin(np.concatenate(list(decays.values())), [40 * 3600.0]).all()
     save_model(model, tmp_path / "m.json")

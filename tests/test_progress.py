@@ -3,7 +3,6 @@
 import io
 import sys
 
-import numpy as np
 import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, refine
@@ -82,18 +81,3 @@ def test_without_the_package_the_way_out_is_said(log, monkeypatch):
 def test_what_is_no_progress_is_refused(log):
     with pytest.raises(ValueError, match="'progress' parameter must be True"):
         held_out_residuals(MODEL, *log, progress="bar")
-
-
-def test_verbose_prints_what_a_fit_does(capsys):
-    record = make_record(2000, seed=1)
-    X, y = record[["temperature"]], record["reading"]
-    quiet = DynamicBiasRegressor("temperature", 2).fit(X, y)
-    assert capsys.readouterr().out == ""
-    told = DynamicBiasRegressor("temperature", 2, verbose=1).fit(X, y)
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split("] ")[1] for line in lines] == [
-        "reading the record",
-        "choosing time constants",
-        f"fitting {len(told.coef_)} columns to 2000 readings",
-    ]
-    assert np.array_equal(quiet.coef_, told.coef_)

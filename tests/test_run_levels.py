@@ -91,8 +91,8 @@ def test_runs_at_set_points_say_that_no_law_is_learned():
     )
     y = pd.Series(100 + 5 * (T - 23) + 0.01 * rng.normal(size=1200), index=X.index)
     with pytest.warns(RecordWarning, match="the static law is not learned.*leave out run"):
-        fitted(X, y, initial_state="equilibrium")
-    model = DynamicBiasRegressor("temperature", TIMES, initial_state="equilibrium").fit(X, y)
+        fitted(X, y)
+    model = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
     assert model.correct(X, y).std() < 0.05
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from noisy import TIMES, device
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, Sensor, diagnose, load_model, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, Sensor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
 from thermocorr.estimators.uncertainty import signed as signed_values
@@ -73,8 +73,6 @@ def test_outside_the_fitted_temperatures_nothing_is_signed():
     frame = model.uncertainty(X, y).frame()
     outside = (X["temperature"] > model.reading_.temperature_range[1] + 0.2).to_numpy()
     assert outside.any() and not frame["status"][outside].eq("signed").any()
-    assert (frame["u_extrapolation"][outside] > 0).all() and (frame["u_extrapolation"][~outside][:first] == 0).all()
-    assert frame["u"][outside].mean() > 1.05 * frame["u"][:first].mean()
 
 
 def test_another_instrument_of_the_kind_has_no_number_in_its_washout(fitted):
@@ -383,22 +381,10 @@ def learned_cold(seed):
 
 
 @pytest.mark.parametrize("seed", [9611, 9621, 9625])
-def test_a_curvature_deep_inside_is_in_the_uncertainty(seed):
-    """By the temperature as it is, 23 to 42 % of these rows were covered."""
+def test_hotter_rows_than_any_that_were_learned_are_not_signed(seed):
+    """A law without a curvature is wrong there by more than its u says: they are flagged."""
     model, X, y, hot = learned_cold(seed)
-    told, u = model.predict(X, return_std=True)
-    error = np.abs(y.to_numpy() - told)[hot]
-    assert np.mean(error <= coverage_factor(model._joint_errors().dof, 0.95) * u[hot]) > 0.9
-    assert np.sqrt(np.mean(u[hot] ** 2)) < 2 * np.sqrt(np.mean(error**2))
-
-
-def test_a_file_holds_all_temperatures_that_are_asked(tmp_path):
-    model, X, _, _ = learned_cold(9611)
-    weights = model._joint_errors().beyond.weights
-    assert len(weights) == 1 + len(model.time_constants_) and np.count_nonzero(weights[0]) > 1
-    save_model(model, tmp_path / "m.json")
-    told = load_model(tmp_path / "m.json").predict(X, return_std=True)[1]
-    np.testing.assert_array_equal(told, model.predict(X, return_std=True)[1])
+    assert model.uncertainty(X, y, allow_missing=True).frame()["status"][hot].eq("outside fitted range").all()
 
 
 def heated(seed):
@@ -434,4 +420,4 @@ def test_readings_after_an_excursion_are_not_signed_before_the_device_has_cooled
 
 def test_no_row_of_the_fitted_record_is_outside_of_it():
     model, X, y, _ = learned_cold(9621)
-    assert (model.uncertainty(X[:4000], y[:4000]).frame()["u_extrapolation"] == 0).all()
+    assert not model.uncertainty(X[:4000], y[:4000]).frame()["status"].eq("outside fitted range").any()

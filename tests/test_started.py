@@ -6,7 +6,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.effects import InitialTransient
+from thermocorr.effects import InitialTransient, ThermalLag
 
 pytestmark = pytest.mark.newest
 
@@ -24,7 +24,8 @@ def cut(setting, device, step, seed, effects=None):
 
 def test_a_start_is_missing_where_the_model_has_none():
     X, y = cut(*SETTINGS[0])
-    model = DynamicBiasRegressor("temperature", initial_state="equilibrium").fit(X, y)
+    times = DynamicBiasRegressor("temperature").fit(X, y).time_constants_
+    model = DynamicBiasRegressor("temperature", [], effects=[ThermalLag(times)]).fit(X, y)
     found = diagnose(model, X, y)
     assert isinstance(found.best, InitialTransient) and found.suspects[0].matters_from > 10
 

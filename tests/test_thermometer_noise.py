@@ -1,20 +1,15 @@
 """Noisy, coarse and late thermometers: what they do to a reading, and who is named for it."""
 
-import tracemalloc
-
 import numpy as np
 import pandas as pd
 import pytest
-from effect_records import columns_of
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, Thermometer, diagnose, load_model, refine, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, Thermometer, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.displays import StepResponseDisplay
-from thermocorr.effects import ThermometerNoise
 from thermocorr.equations.statistics import white_part
-from thermocorr.records import Record, RecordError, Segment
-from thermocorr.records.times import Times
+from thermocorr.records import RecordError
 from thermocorr.validation import thermometer_errors
 
 pytestmark = pytest.mark.newest
@@ -28,39 +23,6 @@ def seen_by(setting, seed, noise=0.0, step=0.0, n=6000):
     T = record["temperature"].to_numpy()
     T = np.round(T / step) * step if step else T + noise * np.random.default_rng([9, seed]).standard_normal(n)
     return record.drop(columns="reading").assign(temperature=T), record["reading"], record[["temperature"]]
-
-
-def test_the_column_is_the_response_of_a_two_sided_exponential():
-    """cos(w t) averaged with weights exp(-|t|/s)/(2 s) is cos(w t)/(1 + (w s)^2)."""
-    seconds = pd.to_timedelta(np.arange(20_000) * 2.0, unit="s")
-    wave = np.cos(2 * np.pi * np.arange(20_000) / 900)
-    X = pd.DataFrame({"temperature": 20 + wave}, index=seconds)
-    column = columns_of(ThermometerNoise("5 min"), X)[:, 0]
-    expected = wave * (1 / (1 + (2 * np.pi / 900 / 2.0 * 300.0) ** 2) - 1)
-    inside = slice(6000, -6000)
-    np.testing.assert_allclose(column[inside], expected[inside], atol=2e-5)
-
-
-def test_the_column_is_the_same_backwards_in_time():
-    rng = np.random.default_rng(3)
-    T = 20 + np.cumsum(rng.standard_normal(300)) / 10
-    seconds = np.cumsum(rng.uniform(10, 100, 300))
-    there = columns_of(ThermometerNoise(200.0), pd.DataFrame({"temperature": T}, index=pd.to_timedelta(seconds, "s")))
-    back = pd.DataFrame({"temperature": T[::-1]}, index=pd.to_timedelta(seconds[-1] - seconds[::-1], "s"))
-    np.testing.assert_allclose(columns_of(ThermometerNoise(200.0), back)[::-1], there, atol=1e-9)
-
-
-def test_what_lies_far_ahead_is_not_in_memory_at_once():
-    """36 spans are looked ahead, 180 000 rows here, of which every array would have 1.4 MiB."""
-    record = Record(Times(200_000, "rows"), "T", {"T": np.sin(np.arange(200_000) / 700)}, (Segment(0, 200_000),))
-    effect = ThermometerNoise(5000.0)
-    effect.learn(record)
-    block = next(iter(record.blocks(1000)))
-    tracemalloc.start()
-    effect.columns(block, None)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 2**19
 
 
 @pytest.mark.parametrize("setting", PERIODS)
@@ -180,15 +142,6 @@ def test_a_declared_noise_explains_what_cannot_be_seen():
     assert said[1].verdict == "nothing missing"
     words = " ".join(str(said[1]).split())
     assert "comes from the noise of 0.02 K (declared) of the thermometer 'temperature'" in words
-
-
-def test_refine_adds_it_and_the_error_falls():
-    X, y, _ = seen_by("lab", 221, 0.1)
-    steps = refine(DynamicBiasRegressor("temperature").fit(X, y), X, y)
-    assert [effect.kind for _, effect in steps.model_.features_.further_effects()] == ["thermometer_noise"]
-    assert not steps.diagnoses[-1].causes
-    with pytest.raises(ValueError, match="mean of several readings"):
-        OnlineCorrector(steps.model_)
 
 
 def test_a_step_of_the_air_reaches_a_late_thermometer_late():

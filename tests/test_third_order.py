@@ -28,7 +28,7 @@ def cubic():
 
 
 def fitted(cubic, products):
-    return DynamicBiasRegressor("temperature", [TAU], 3, products=products, initial_state="equilibrium").fit(*cubic)
+    return DynamicBiasRegressor("temperature", [TAU], 3, products=products).fit(*cubic)
 
 
 def test_the_cube_of_an_inner_temperature_is_removed_whole(cubic):

@@ -44,16 +44,6 @@ def test_the_variance_of_a_mean_is_the_mean_of_the_covariance_matrix(recent, eve
         assert sum(noise.of_mean(when, runs)) == pytest.approx(noise.covariance(when, runs).mean(), rel=1e-9)
 
 
-def test_a_column_that_others_hold_has_no_coefficient_of_its_own():
-    """Its variance was the inverse of a rounding error, now and then of a negative one."""
-    rng = np.random.default_rng(3)
-    columns = rng.standard_normal((400, 3)) / 20
-    sums = BandSums(columns, rng.standard_normal(400), np.zeros(400, int))
-    assert sums.beside(columns @ [1.0, -2.0, 0.5]) is None
-    known = sums.beside(rng.standard_normal(400))
-    assert known is not None and known[1] > 0
-
-
 def test_restricted_likelihood_finds_the_noise_of_a_record():
     """White noise and one part, over ten records together (each is known to some 20 %).
 

@@ -89,7 +89,7 @@ def test_degree_and_products_are_those_of_the_model():
     record = make_record(600, sampling_period=60.0, seed=3)
     model = DynamicBiasRegressor("temperature", ["5 min"], degree=3, products=True)
     models = compare_variants(record[["temperature"]], record["reading"], model=model, n_blocks=2).models
-    assert models["dynamic nonlinear with products"].products_ is True
+    assert models["dynamic nonlinear with products"].products is True
     assert {name: fitted.degree for name, fitted in models.items() if "nonlinear" in name} == {
         "static nonlinear": 3, "dynamic nonlinear": 3, "dynamic nonlinear with products": 3,
     }  # fmt: skip

@@ -76,9 +76,7 @@ def test_what_cannot_be_done_is_said(desk):
 
 def test_the_script_repeats_the_model_with_settings_that_the_screen_does_not_show(data):
     X, y = data
-    given = DynamicBiasRegressor(
-        "temperature", [120.0, 1500.0], alpha=0.1, hold="zero_order", effects=[Covariate("mains")]
-    )
+    given = DynamicBiasRegressor("temperature", [120.0, 1500.0], alpha=0.1, effects=[Covariate("mains")])
     desk = Desk(bench_of(given, X, y), lambda message: None)
     desk.bench.start()
     said = []

@@ -87,7 +87,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     with noted() as notes:
         loaded = load_log(options)
         X, y = loaded.columns()
-        comparison = compare_variants(X, y, model=loaded.model, products="auto", progress=progress)
+        comparison = compare_variants(X, y, model=loaded.model, products=True, progress=progress)
     asked = (options.variant or "").replace("-", " ")
     begun, judged = _best_judged([asked] if asked else comparison.starts, comparison, X, y, options, progress)
     answer = Answer.of(

@@ -7,7 +7,7 @@ from .covariates import Covariate, Interaction, LaggedCovariate
 from .disturbance import Disturbance
 from .hinge import Hinge
 from .hysteresis import Hysteresis
-from .lead import Lead, ThermometerNoise
+from .lead import Lead
 from .modulation import LaggedModulation
 from .periodic import Periodic
 from .products import LagProducts
@@ -49,7 +49,6 @@ __all__ = [
     "StaticPolynomial",
     "Step",
     "ThermalLag",
-    "ThermometerNoise",
     "TransformerEffect",
 ]
 

@@ -8,9 +8,7 @@ the record's jumps of that size return than stay: a random telegraph has no spik
 A logger that asks more often than its instrument measures writes readings down more than once: such a record has fewer
 readings than rows, and several rows share the noise of one. What is written down again is equal to the last digit, and
 the next value is many digits away, after as many rows; readings that are merely coarse stand still as well, but move on
-by a digit or two, and now and then. Where the rows between two readings were filled in by straight lines, as
-`pandas.DataFrame.interpolate` does, each of them is the mean of its neighbours, and says nothing of its own.
-At the end of its range an instrument shows one number again and again, though noise goes on.
+by a digit or two, and now and then.
 """
 
 from __future__ import annotations
@@ -69,10 +67,6 @@ class Usual:
     """Height that the largest peak of the whole record may have; infinite where nothing tells."""
     repeats: bool = False
     """True if they are written down more than once each."""
-    near_lines: float = np.nan
-    """Largest distance from the line between its neighbours for an interpolated reading; NaN where none are."""
-    ends: tuple[float, ...] = ()
-    """Readings at which they are clipped."""
 
     @property
     def range(self) -> float:
@@ -88,7 +82,7 @@ class Usual:
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
-def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature: bool = False) -> Usual:
+def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     """Estimate the usual range and noise of `n_rows` readings from stretches (NaN: missing)."""
     whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
@@ -98,10 +92,9 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature
     low, middle, high = (_share(values, share) for share in (0.05, 0.5, 0.95))
     fits[np.cumsum([0, *(1 + len(stretch) for stretch in stretches[:-1])])] = True
     line = whole[fits]
-    ends, repeats = () if temperature else ends_of_range(line), is_repeated(line)
-    near = np.nan if temperature or repeats else filled_in(np.where(fits, whole, np.nan))
-    if repeats or np.isfinite(near):
-        line = line[~(repeated(line) if repeats else on_lines(line, near))]
+    repeats = is_repeated(line)
+    if repeats:
+        line = line[~repeated(line)]
     steps = line[1:] - line[:-1]
     noise = _noise(steps)
     if noise == 0.0:
@@ -113,9 +106,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None, temperature
     n = max(n_rows or 0, len(values))
     predicted = min(_predicted(peaks, share, n, noise) for share in shares)
     reach = max(SPIKE * noise, min(predicted, _below_a_gap(peaks, noise)))
-    return Usual(
-        middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats, near_lines=near, ends=ends
-    )
+    return Usual(middle=middle, low=low, high=high, noise=noise, reach=float(reach), repeats=repeats)
 
 
 def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
@@ -215,9 +206,7 @@ class Scanned:
     left: Moments = field(default_factory=Moments)
     """Moments of what is left."""
     repeats: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
-    """Rows that repeat the one before, or stand on lines, where readings are repeated or filled in."""
-    clipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
-    """Rows at an end of the instrument's range, or so near that noise would go beyond it."""
+    """Rows that repeat the one before, where readings are repeated."""
 
     @classmethod
     def together(cls, parts: Iterable[Scanned]) -> Scanned:
@@ -232,17 +221,16 @@ class Scanned:
             staying=staying,
             left=reduce(Moments.merged, (part.left for part in parts), Moments()),
             repeats=np.concatenate([none, *(part.repeats for part in parts)]),
-            clipped=np.concatenate([none, *(part.clipped for part in parts)]),
         )
 
     @property
     def is_nothing(self) -> bool:
         """True if nothing was found, so that all values are left."""
-        return not (len(self.codes) or len(self.spikes) or len(self.repeats) or len(self.clipped))
+        return not (len(self.codes) or len(self.spikes) or len(self.repeats))
 
     def moved(self, rows: int) -> Scanned:
         """Rows counted from so many rows earlier."""
-        found = {name: getattr(self, name) for name in ("codes", "spikes", "repeats", "clipped")}
+        found = {name: getattr(self, name) for name in ("codes", "spikes", "repeats")}
         return replace(self, **{name: places + rows for name, places in found.items() if len(places)})
 
     def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
@@ -271,13 +259,10 @@ def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
     Scanned
         Rows are numbered as in `values`.
     """
-    if usual.repeats or usual.ends or np.isfinite(usual.near_lines):
-        clipped = at_ends(values, usual.ends, usual.noise)
-        again = (repeated(values) if usual.repeats else on_lines(values, usual.near_lines)) & ~clipped
-        plain = replace(usual, repeats=False, near_lines=np.nan, ends=())
-        rest = scan(np.where(again | clipped, np.nan, values), low, high, plain)
-        at_end, at_rest = (low + np.flatnonzero(rows[low:high]) for rows in (clipped, again))
-        return replace(rest, clipped=at_end, repeats=at_rest)
+    if usual.repeats:
+        again = repeated(values)
+        rest = scan(np.where(again, np.nan, values), low, high, replace(usual, repeats=False))
+        return replace(rest, repeats=low + np.flatnonzero(again[low:high]))
     nothing, jumps = np.zeros(0, np.intp), Jumps()
     most = min(usual.reach, OVERLOAD / 2)
     steps = values[1:] - values[:-1]
@@ -419,18 +404,6 @@ UNEVEN, JITTER, JUST = 1.25, 0.15, 0.02
 times, standard deviation as a share of their mean that is added, and variance that is added."""
 DIFFERENT = 30
 """Different numbers among these readings, below which they are states or setpoints."""
-ARITHMETIC, OF_TIMES = 8.0, 1e-7
-"""Distances up to which they are rounding of the arithmetic: in units of the last place of the largest reading, and,
-for times are rounded, too, as a share of the largest distance."""
-MOSTLY_ON_LINES = 0.3
-"""Share of the readings that are the mean of their neighbours, from which rows may be filled in. Of coarse readings one
-in six is; where every second row is filled in, half."""
-LOOK, NEAR_AT_ONCE = 4000, 0.025
-"""Rows that are looked at first, for hardly any record is filled in; share of the largest distance that is near."""
-MET = 10
-"""Rows with the largest or smallest reading, below which it is no end of a range."""
-BESIDE, AT_END = 10, 3.0
-"""Rows to either side whose mean tells that a reading is near an end of the range; how near, in noises."""
 
 
 def repeated(values: Floats) -> Booleans:
@@ -471,81 +444,6 @@ def is_repeated(values: Floats) -> bool:
     return _evenly(rows[1:-1][whole])
 
 
-def on_lines(values: Floats, near: float) -> Booleans:
-    """Mask of consecutive readings on the line between their neighbours, but not constant, shape (n,).
-
-    `near` is how far from it at most; NaN for none.
-    """
-    found = np.zeros(len(values), bool)
-    found[1:-1] = (_off_lines(values) <= near) & (values[1:-1] != values[:-2])
-    return found
-
-
-def _off_lines(values: Floats) -> Floats:
-    """Distance of consecutive readings from the mean of their neighbours, but for the first and last."""
-    return np.asarray(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2))
-
-
-def filled_in(values: Floats) -> float:
-    """Largest distance from the line between its neighbours for an interpolated reading; NaN where none are.
-
-    `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> noise = np.random.default_rng(0).normal(size=400)
-    >>> lines = np.interp(np.arange(1200) / 3, np.arange(400), noise)
-    >>> bool(filled_in(lines) > 0), filled_in(noise), filled_in(noise.round())
-    (True, nan, nan)
-    """
-    first = _off_lines(values[:LOOK])
-    if np.count_nonzero(first <= NEAR_AT_ONCE * np.nanmax(first, initial=0.0)) < MOSTLY_ON_LINES * len(first) / 2:
-        return np.nan
-    off = np.full(len(values), np.nan)
-    off[1:-1] = _off_lines(values)
-    near = _near_lines(values, off[np.isfinite(off)])
-    on = on_lines(values, near)
-    if on.sum() < max(FEWEST, MOSTLY_ON_LINES * np.isfinite(off).sum()):
-        return np.nan
-    still = repeated(values)
-    still[:-1] |= still[1:]
-    return near if _bends_evenly(np.where(on | still, np.nan, off), np.cumsum(np.isnan(off))) else np.nan
-
-
-def _near_lines(values: Floats, off: Floats) -> float:
-    """Distance from a line due to rounding, of the arithmetic or to a digit."""
-    single = bool(np.array_equal(values.astype(np.float32), values, equal_nan=True))
-    last_place = float(np.finfo(np.float32 if single else float).eps * np.nanmax(np.abs(values)))
-    exact = max(ARITHMETIC * last_place, OF_TIMES * float(off.max(initial=0.0)))
-    away = off[off > exact]
-    if len(away) < FEWEST:
-        return np.nan
-    # Share of the readings that are farther from that mean than what counts as far: more than spikes, and fewer than
-    # bends where at most nineteen rows in twenty are filled in
-    far, digit = max(float(np.quantile(off, 1 - 0.05)), float(np.median(away))), 2 * float(away.min())
-    # Largest digit, relative to that distance, to which lines may be rounded
-    return 2 * digit if 2 * digit <= 0.1 * far else exact
-
-
-def _bends_evenly(off: Floats, stretch: NDArray[np.intp]) -> bool:
-    """True if bends, readings whose distance from the line is no NaN, come after multiples of one number of rows.
-
-    `stretch` is the number of the stretch of known readings that each is in.
-    """
-    bends = np.flatnonzero(np.isfinite(off))
-    if len(bends) < FEWEST:
-        return False
-    # Distance of a bend over the median one, beyond which it is a spike
-    bends = bends[off[bends] <= 10.0 * np.median(off[bends])]
-    rows = np.diff(bends)[stretch[bends[1:]] == stretch[bends[:-1]]]
-    if len(rows) < FEWEST or _coarse(off[bends]):
-        return False
-    usual = int(np.bincount(rows).argmax())
-    # Share of the distances between bends that must be multiples of the usual one: rows are filled in evenly
-    return usual > 1 and bool(np.mean(rows % usual == 0) >= 0.8)
-
-
 def _coarse(steps: Floats) -> bool:
     """True if most steps are of a digit or two."""
     return bool(np.mean(steps <= FEW_DIGITS * np.quantile(steps, DIGIT)) > COARSE)
@@ -558,48 +456,3 @@ def _evenly(rows: NDArray[np.intp]) -> bool:
     mean = float(rows.mean()) if len(rows) else 0.0
     most = UNEVEN * (mean % 1) * (1 - mean % 1) + (JITTER * mean) ** 2 + JUST
     return len(rows) >= FEWEST and bool(np.var(rows) <= most)
-
-
-def ends_of_range(values: Floats) -> tuple[float, ...]:
-    """The largest or smallest of the readings, where it is met far more often than any other: they are clipped there.
-
-    `values` (array of shape (n,)): Consecutive readings, NaN where there is none, or rows were not looked at.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> noise = np.random.default_rng(0).normal(size=400)
-    >>> ends_of_range(np.minimum(noise, 1.0)), ends_of_range(noise), ends_of_range(np.sign(noise))
-    ((1.0,), (), ())
-    """
-    known = np.isfinite(values)
-    every, changed = values[known], values[known & ~repeated(values)]
-    if not len(every) or max(np.sum(every == every.min()), np.sum(every == every.max())) < MET:
-        return ()
-    different, visits = np.unique(changed, return_counts=True)
-    if len(different) < DIFFERENT:
-        return ()
-    rows = np.unique(every, return_counts=True)[1]
-    # Share of the readings that are different numbers, from which one is hardly ever met twice
-    times = rows if len(different) > 0.5 * visits[1:-1].sum() else visits  # a coarse reading stands still anywhere
-    # Times that it is met anew at least: noise goes on at the end of a range, and not where a device is at rest
-    # Times as often as any other reading that the end of a range is met
-    clipped = (times >= max(MET, 4.0 * times[1:-1].max())) & (visits >= 3)
-    return tuple(float(different[end]) for end in (0, -1) if clipped[end])
-
-
-def at_ends(values: Floats, ends: tuple[float, ...], noise: float) -> Booleans:
-    """Mask of consecutive readings at or near an end of the range, shape (n,).
-
-    Near it noise is cut on one side, so that what is left there is wrong on the average. By the mean of the neighbours,
-    of which a reading's own noise is a small part: to leave out what is high would cut the noise again.
-    """
-    found = np.isin(values, ends)
-    if ends:
-        known = np.isfinite(values)
-        window = np.ones(2 * BESIDE + 1)
-        counts = np.convolve(known, window, "same")
-        mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.maximum(counts, 1)
-        for end in ends:
-            found |= known & (np.abs(mean - end) < AT_END * noise)
-    return found

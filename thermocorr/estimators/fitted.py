@@ -10,17 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects import InitialTransient, LagProducts, StaticPolynomial, ThermalLag
+from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, Doubt
-from ..records.numbers import is_frame, numeric_column, numeric_reading
-from ..records.record_log import as_data
+from ..records.numbers import as_data, is_frame, numeric_column, numeric_reading
 from ..records.screen import LeftOut
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
@@ -170,26 +168,10 @@ class FittedModel:
         ambient = features.history_.record.temperature_name
         return {ambient: self.time_constants_, **features.thermometers().times_in(features.effects_)}
 
-    @property
-    def products_(self) -> bool | int:
-        """Products of lags that the model has, in the form of the parameter `products`."""
-        features = self.features_
-        given = {name for name, _ in features.further_effects()}
-        orders = [e.order for name, e in features.effects_ if isinstance(e, LagProducts) and name not in given]
-        return 3 if 3 in orders else bool(orders)
-
     def _fixed_time_constants(self) -> Any:
         """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
         found = {name: times.tolist() for name, times in self.thermometers_.items()}
         return found if len(found) > 1 else self.time_constants_.tolist()
-
-    def _as_chosen(self) -> Any:
-        """An unfitted copy; products that a fit has chosen are part of it, as its degree is."""
-        return clone(self).set_params(products=self.products_) if hasattr(self, "pipeline_") else clone(self)
-
-    def _choices(self) -> dict[str, Any]:
-        """Choices of the fit as parameters: time_constants and products."""
-        return {"time_constants": self._fixed_time_constants(), "products": self.products_}
 
     @property
     def reference_temperature_(self) -> float:

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import read_record
-from ..records.numbers import numeric_reading
-from ..records.record_log import as_data
+from ..records.numbers import as_data, numeric_reading
 from ..records.screen import error_of, screened
 
 NEARBY = 100

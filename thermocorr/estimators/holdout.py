@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 
 from ..records import RecordError
 from ..records.errors import check_int, said_once
@@ -80,7 +81,7 @@ def residuals_of_blocks(
         known[block] = np.nan
         if np.isfinite(known).any():
             try:
-                fitted = model._as_chosen().fit(X, known)
+                fitted = clone(model).fit(X, known)
             except RecordError as error:
                 counts = " of ".join(f"{np.isfinite(values).sum()}" for values in (known, reading))
                 raise RecordError(

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from time import perf_counter
 from typing import Any
 
 from threadpoolctl import ThreadpoolController
@@ -30,14 +29,6 @@ a bar (extra "progress"); None or False for nothing."""
 def has_bars() -> bool:
     """True if bars can be drawn."""
     return find_spec("tqdm") is not None
-
-
-def printed(verbose: int) -> Callable[[str], None]:
-    """Printing function for scikit-learn's parameter `verbose`: lines with the time."""
-    begun = perf_counter()
-    return (
-        (lambda text: print(f"[{perf_counter() - begun:7.1f} s] {text}", flush=True)) if verbose else lambda text: None
-    )
 
 
 @contextmanager

@@ -15,8 +15,7 @@ from ..effects.grids import since_start
 from ..records import Layout, Log, Record, RecordError, read_record
 from ..records.errors import quoted, times_word, warn
 from ..records.labels import refuse_labels_of_rows
-from ..records.numbers import as_pandas, check_same_rows, is_frame, numeric_reading
-from ..records.record_log import RecordLog, as_data
+from ..records.numbers import as_data, as_pandas, check_same_rows, is_frame, numeric_reading
 from ..records.screen import WeightedReading
 from ..records.segments import Flags
 from ..records.units import unit_of, units_differ
@@ -74,11 +73,7 @@ def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
     """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
     if len(X) == 0:
         raise RecordError("The log has 0 rows. Check its files.")
-    columns, names = X.columns, getattr(estimator, "feature_names_in_", ())
-    if isinstance(X, RecordLog) and not reset:  # its times and runs are no columns any more
-        columns = [name for name in names if name in columns or name in (estimator.time, estimator.run)]
-        columns += [name for name in X.columns if name not in columns]
-    columns = [name for name in columns if estimator.reference is None or name != estimator.reference]
+    columns = [name for name in X.columns if estimator.reference is None or name != estimator.reference]
     validate_data(estimator, pd.DataFrame(columns=columns), skip_check_array=True, reset=reset)
     return X
 

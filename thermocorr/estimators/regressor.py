@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from numbers import Real
 from typing import Any
@@ -19,13 +19,13 @@ from ..equations import MovingAverage
 from ..records import Block, Record
 from ..records.errors import quoted, warn
 from ..records.segments import Flags
-from .choosing import choose, choose_again, chosen_products, penalty
+from .choosing import choose, choose_again, penalty
 from .coverage import Coverage
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, Swept, require_rows, standard_errors, sweep_effects
 from .identifiability import doubts_of
 from .input_errors import readings_left_out
-from .progress import one_blas_thread, printed
+from .progress import one_blas_thread
 from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
 from .uncertainty.assessed import SignedModel
@@ -49,10 +49,9 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Highest power of T - T0 in the static law, eq. (3).
     effects : list, default ()
         Further effects or scikit-learn transformers, alone or as (name, effect) pairs.
-    products : {"auto", False, True, 2, 3}, default "auto"
+    products : {False, True, 2, 3}, default False
         Add the products Psi_j Psi_k of eq. (21) and (T - T0) Psi_j: the square of an inner temperature needs both. 3
-        adds those of three, for its cube: many columns, which want a long record. "auto" adds those of two to a law of
-        degree 2 where time constants are chosen and each later block is predicted better with them, by 5 % together.
+        adds those of three, for its cube: many columns, which want a long record.
     alpha : float or "auto", default "auto"
         Ridge penalty on coefficients times their columns' standard deviation, eps of eq. (13). "auto" takes the
         search's (at most 1e-4 per reading), and 0 for given time constants.
@@ -62,7 +61,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         with such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
         wherever they are met again. Later inputs that move as these never did are held back or doubted, see
         `thermocorr.records.gate`.
-    reference_temperature, initial_state, hold, time, sampling_period, max_gap : see `DiffusiveFeatures`
+    reference_temperature, time, sampling_period, max_gap : see `DiffusiveFeatures`
     run : str, optional
         Column with the label of a run. Each run has a level (U0) of its own, which `correct` keeps; runs must not
         overlap in time. Where runs measure the same quantity, leave it out: a gap starts a new segment.
@@ -70,8 +69,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         Column of a better instrument that measures the same quantity, in the unit of y. What is learned is how much the
         readings differ from it, U0 included: `correct` gives what the reference would have shown, and needs it no more.
         Missing values are not learned from. Its own uncertainty is that of every corrected reading, see `uncertainty`.
-    verbose : int, default 0
-        1 prints what is being done.
 
     Attributes
     ----------
@@ -82,8 +79,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     coef_ : ndarray of shape (n_columns,)
     intercept_ : float
         U0, the reading at the reference temperature, device at rest.
-    products_ : bool or int
-        Products of lags that the model has.
     pipeline_ : Pipeline
         The fitted `DiffusiveFeatures` and `MergedRidge`.
     search_ : TimeConstantChoice or None
@@ -116,9 +111,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     _parameter_constraints: dict[str, Any] = {
         **THERMAL_CONSTRAINTS,
         "time_constants": "no_validation",
-        "products": [*THERMAL_CONSTRAINTS["products"], StrOptions({"auto"})],
         "alpha": [Interval(Real, 0, None, closed="left"), StrOptions({"auto"})],
-        "verbose": ["verbose"],
     }
 
     def __init__(
@@ -128,18 +121,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         degree: int = 2,
         *,
         effects: Any = (),
-        products: bool | int | str = "auto",
+        products: bool | int = False,
         alpha: float | str = "auto",
         reference_temperature: Any = "mean",
-        initial_state: str = "fit",
-        hold: str = "first_order",
         screen: bool = True,
         time: Any = None,
         run: Any = None,
         sampling_period: Any = None,
         max_gap: Any = None,
         reference: Any = None,
-        verbose: int = 0,
     ):
         self.temperature = temperature
         self.time_constants = time_constants
@@ -148,15 +138,12 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.products = products
         self.alpha = alpha
         self.reference_temperature = reference_temperature
-        self.initial_state = initial_state
-        self.hold = hold
         self.screen = screen
         self.time = time
         self.run = run
         self.sampling_period = sampling_period
         self.max_gap = max_gap
         self.reference = reference
-        self.verbose = verbose
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, *, mask: Any = None) -> DynamicBiasRegressor:
         """Learn the bias from a record.
@@ -183,24 +170,22 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._validate_params()
         if y is None:
             raise ValueError("This DynamicBiasRegressor requires y to be passed, but the target y is None.")
-        say = printed(self.verbose)
         with one_blas_thread():
-            say("reading the record")
             self._degree, self.search_ = self.degree, None
             reader = self._unfitted_features((), RunLevels())
             record = reader.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
-            self.search_ = choose(self, record, reading, say)
-            believed = self._learn(reader, record, reading, say)
+            self.search_ = choose(self, record, reading)
+            believed = self._learn(reader, record, reading)
             covered = Coverage.of(record, self.degree)
             if covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
-                self.search_ = choose(self, record, reading, say)
-                believed = self._learn(reader, record, reading, say)
+                self.search_ = choose(self, record, reading)
+                believed = self._learn(reader, record, reading)
             if self.search_ is not None and believed is not record:  # the first choice had to use all readings
-                self.search_ = choose_again(self, believed, say)
-                believed = self._learn(reader, record, reading, say)
+                self.search_ = choose_again(self, believed)
+                believed = self._learn(reader, record, reading)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         self._conclude(record, believed)
         return self
@@ -211,7 +196,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
-    def _learn(self, reader: DiffusiveFeatures, record: Record, reading: Reading, say: Callable[[str], None]) -> Record:
+    def _learn(self, reader: DiffusiveFeatures, record: Record, reading: Reading) -> Record:
         """Learn the coefficients; returns the record without spoilt readings."""
         time_constants = self.time_constants if not self.search_ else self.search_.parameter
         features = self._unfitted_features(time_constants).taking(reader)
@@ -221,7 +206,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         check_plausible(record, reading)
         self.reading_ = reading
         self.alpha_ = penalty(self)
-        say(f"fitting {n_columns} columns to {reading.n_readings} readings")
         self._solve(record, features)
         believed = self._without_spoilt(record)  # what gaps spoil is known now
         if believed is not record:
@@ -393,7 +377,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         They have the steps between the runs of the record, or those given.
         """
         names = (set(DiffusiveFeatures._get_param_names()) & set(self._get_param_names())) - {"time_constants"}
-        given = {name: getattr(self, name) for name in names} | {"products": chosen_products(self)}
+        given = {name: getattr(self, name) for name in names}
         given["degree"] = min(self.degree, getattr(self, "_degree", self.degree))
         features = DiffusiveFeatures(time_constants, **given)
         levels = getattr(self, "_run_levels", RunLevels()) if levels is None else levels

@@ -16,12 +16,10 @@ from ..equations import moving_average, reduction_db
 from ..equations.statistics import whiteness
 from ..records import Record, read_record
 from ..records.errors import check_int, printable, said_once
-from ..records.numbers import Scale, number_text, scale_of
-from ..records.record_log import as_data
+from ..records.numbers import Scale, as_data, number_text, scale_of
 from ..records.screen import error_of
 from .advice import Advice, advise
 from .averages import rms
-from .choosing import count_to_choose
 from .heteroscedasticity import believed_readings
 from .holdout import residuals_of_blocks, time_blocks
 from .progress import Progress, reporting
@@ -147,7 +145,7 @@ def compare_variants(
     temperature: Any = None,
     time_constants: Any = "auto",
     degree: int | None = None,
-    products: bool | int | str | None = None,
+    products: bool | int | None = None,
     window: int = 25,
     n_blocks: int = 5,
     progress: Progress = None,
@@ -164,9 +162,8 @@ def compare_variants(
         By default the number of time constants is chosen too; the paper has six.
     degree : int, optional
         Degree of the nonlinear static law; 1 leaves it linear. None is that of the model, 2 where it is linear.
-    products : {"auto", False, True, 2, 3}, optional
-        Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`; "auto" where they are worth it.
-        None is what the model says.
+    products : {False, True, 2, 3}, optional
+        Add a fifth variant with the products of eq. (21), see `DynamicBiasRegressor`. None is what the model says.
     window : int, default 25
         Samples of the moving average, eqs. (9) (26).
     n_blocks : int, default 5
@@ -209,10 +206,7 @@ def compare_variants(
     window = check_int("compare_variants", "window", window, 1)
     n_blocks = check_int("compare_variants", "n_blocks", n_blocks, 2)
     variants = variants_of(dynamic, degree)
-    if products == "auto" and count_to_choose(dynamic.time_constants) != 0:
-        tried = clone(dynamic).set_params(degree=degree, products=products)
-        products = tried._as_chosen().fit(X, y).products_
-    if products not in ("auto", False):
+    if products:
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
     reading = believed_readings(dynamic, X, y)
     blocks = time_blocks(reading, n_blocks)
@@ -222,7 +216,7 @@ def compare_variants(
     with reporting(progress, len(variants) * (1 + len(blocks)) + 1) as tell:
         for name, variant in variants.items():
             tell(f"{name}: fitting")
-            fitted[name] = variant._as_chosen().fit(X, y)
+            fitted[name] = clone(variant).fit(X, y)
             inside[name] = np.asarray(fitted[name].residuals(X, y))
             outside[name] = residuals_of_blocks(variant, X, reading, n_blocks, partial(_tell, tell, name))
         tell("which of them to use")

@@ -12,7 +12,6 @@ from ..effects import InitialTransient, LaggedCovariate
 from ..effects.protocol import Effect
 from ..effects.thermal import ThermalLag
 from ..estimators.reading import Reading, unit_by_size
-from ..estimators.uncertainty.covariance import Beyond
 from ..estimators.uncertainty.joint import JointErrors, NoiseModel
 from ..records import History
 from ..records.gaps import Gaps
@@ -184,9 +183,9 @@ def numbers_or_nan(node: Any, where: str, length: int) -> list[float]:
 
 
 _ERRORS = (
-    "wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "last_segment", "representation", "beyond",
+    "wider", "coef", "half", "dof", "usual", "mean", "noise", "last", "end", "last_segment", "representation",
 )  # fmt: skip
-_NOISE, _BEYOND = tuple(NoiseModel.__dataclass_fields__), tuple(Beyond.__dataclass_fields__)
+_NOISE = tuple(NoiseModel.__dataclass_fields__)
 
 
 def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -> dict[str, Any]:
@@ -209,7 +208,6 @@ def pack_errors(joint: JointErrors, own: Sequence[Effect], codec: EffectCodec) -
         "end": joint.end,
         "last_segment": joint.last_segment,
         "representation": joint.representation,
-        "beyond": joint.beyond and {name: pack(getattr(joint.beyond, name), "the next power") for name in _BEYOND},
     }
 
 
@@ -239,7 +237,6 @@ def unpack_errors(
         end=number(node["end"], f"{where}.end", 0.0, LARGEST),
         last_segment=integer(node["last_segment"], f"{where}.last_segment", 0, len(history.record.segments) - 1),
         representation=number(node["representation"], f"{where}.representation", 0.0, LARGEST),
-        beyond=None if node["beyond"] is None else _unpack_beyond(node["beyond"], f"{where}.beyond", width - 1),
     )
 
 
@@ -288,22 +285,6 @@ def _unpack_noise(node: Any, where: str) -> NoiseModel:
         wander_dof=_dof(node, "wander_dof", where),
         size_seconds=moments,
         sizes=sizes,
-    )
-
-
-def _unpack_beyond(node: Any, where: str, width: int) -> Beyond:
-    node = fields(node, where, _BEYOND)
-    # Highest power of the static law that a file may speak of
-    power = integer(node["power"], f"{where}.power", 2, 12)
-    size = number(node["size"], f"{where}.size", 0.0, LARGEST**2)
-    lowest = _vector(node, "lowest", where)
-    return Beyond(
-        power=power,
-        size=size,
-        weights=_matrix(node, "weights", where, len(lowest), width),
-        alike=_matrix(node, "alike", where, len(lowest), power),
-        lowest=lowest,
-        highest=_vector(node, "highest", where, len(lowest)),
     )
 
 

@@ -17,7 +17,6 @@ from ..estimators.thermometers import Thermometer, Thermometers
 from ..records import History, Record, Segment, seconds_of
 from ..records.errors import quoted
 from ..records.grammar import LARGEST
-from ..records.labels import parted_state
 from ..records.read import temperature_column
 from ..records.times import EARLIEST, LATEST, Times
 from .codec import (
@@ -316,7 +315,7 @@ def _check_names(names: list[str], features: DiffusiveFeatures, where: str) -> N
     record, layout = features.history_.record, features.layout()
     special = [column for column in (layout.time, layout.run) if column is not None]
     for column in (*record.columns, *special):
-        if column not in names and parted_state(str(column), names) is None:
+        if column not in names:
             raise ModelFileError(f"{where} has no {quoted(column)}, which the model needs")
     _check_temperature(temperature_column(pd.DataFrame(columns=names), layout, quiet=True), features, where)
 

@@ -322,7 +322,7 @@ def preview_of(found: Fitted, effect: Effect, store: Store) -> dict[str, Any]:
     """
     extended = with_missing(found.model, effect)
     if not isinstance(effect, ThermalLag):
-        extended.set_params(**found.model._choices())
+        extended.set_params(time_constants=found.model._fixed_time_constants())
     extended.set_params(alpha=found.model.alpha_).fit(found.data.X, found.data.learned)
     rows = store.get(found.curves["row"]).astype(int)
     after = extended.evaluate(found.data.X, found.data.y)["residual"].to_numpy(float)[rows]

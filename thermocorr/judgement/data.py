@@ -19,9 +19,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..records import Block, Log, ParquetLog, Record, read_record
 from ..records.errors import listing, warn
 from ..records.history import Thinned, thinned
-from ..records.labels import is_state, parted_state, state, states_of
 from ..records.numbers import is_frame, numeric_reading
-from ..records.record_log import RecordLog
 from ..records.screen import screened
 from ..records.types import kind_of
 from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
@@ -61,7 +59,7 @@ class ThermalBase:
         slowest, own = _slowest(record), np.asarray(model.time_constants_, float)
         grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
         further = [clone(effect) for _, effect in model.features_.further_effects()]
-        if model.products_:
+        if model.products:
             further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
         static = StaticPolynomial(model.degree_, model.reference_temperature)
         taus = np.unique(np.concatenate((grid, own[own <= slowest])))
@@ -172,7 +170,7 @@ def suspect_record(
     layout = model.features_.layout()
     special = {layout.time, layout.run, layout.reference, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
-        columns = [name for name in _numeric(X) if name not in special and not _is_of(name, special)]
+        columns = [name for name in _numeric(X) if name not in special]
     columns = [name for name in columns if name != layout.reference]
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
@@ -212,26 +210,19 @@ def suspect_record(
 
 
 def _recorded(X: Any, name: Any) -> Any:
-    """A column of the data, or a state of one."""
-    if is_state(X, name):
-        return state(X, name)
+    """A column of the data."""
     return X[name] if is_frame(X) else np.asarray(X)[:, name]
 
 
 def _numeric(X: Any) -> list[Any]:
-    """Columns that hold numbers or switches, and the states of columns that hold words."""
+    """Columns that hold numbers or switches."""
     if isinstance(X, ParquetLog):
         return [name for name in X.columns if X[name].kind == "number"]
     if isinstance(X, Log):
         return list(X.columns)
     if not is_frame(X):
         return [*range(np.shape(X)[1])]
-    return [*(name for name in X.columns if kind_of(X[name]) in ("number", "switch")), *states_of(X)]
-
-
-def _is_of(name: Any, special: Collection[Any]) -> bool:
-    """True if a state is one of a column that plays another role: a run's label, a date."""
-    return isinstance(name, str) and any(parted_state(name, [column]) for column in special if column is not None)
+    return [name for name in X.columns if kind_of(X[name]) in ("number", "switch")]
 
 
 def _clock(column: np.ndarray, read: Record) -> bool:
@@ -247,7 +238,7 @@ def _clock(column: np.ndarray, read: Record) -> bool:
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
     names = list(getattr(model, "feature_names_in_", ()))
-    if not isinstance(X, RecordLog) and not (names and is_frame(X) and set(names) < set(X.columns)):
+    if not (names and is_frame(X) and set(names) < set(X.columns)):
         return X
     return X.with_columns(names) if isinstance(X, Log) else X[names]
 

@@ -33,8 +33,7 @@ from ..estimators.tables import Grounds, verdict_on
 from ..pages import PageData
 from ..pages.chapters import Scales, parameters_text
 from ..records import Record
-from ..records.numbers import is_frame
-from ..records.record_log import as_data
+from ..records.numbers import as_data, is_frame
 from .data import (
     ThermalBase,
     as_fitted,

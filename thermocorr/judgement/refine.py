@@ -245,7 +245,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
 
     Products of lags are those of the model: what is better or worse is so for the effect.
     """
-    extended: DynamicBiasRegressor = model._as_chosen()
+    extended: DynamicBiasRegressor = clone(model)
     if isinstance(effect, ThermalLag) and len(model.time_constants_):
         return extended.set_params(**_with_times(model, None, effect.time_constants))
     if (
@@ -270,7 +270,7 @@ def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dic
     name = next(iter(found)) if thermometer is None else thermometer
     found[name] = np.unique([*found[name], *seconds_array(more)])
     times = {each: taus.tolist() for each, taus in found.items()}
-    return {**model._choices(), "time_constants": times if len(times) > 1 else times[name]}
+    return {"time_constants": times if len(times) > 1 else times[name]}
 
 
 def same_but_for_lags(one: Effect, other: Effect) -> bool:

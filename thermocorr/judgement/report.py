@@ -25,7 +25,7 @@ from ..pages import DiagnosisPage, PageData
 from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, scale_of
-from ..records.screen import CLIPPED, FILLED_IN, REPEAT
+from ..records.screen import REPEAT
 from .data import quiet_rows
 from .levels import (
     DRIFT_TO_NOISE,
@@ -244,8 +244,7 @@ def _tails(residual: np.ndarray) -> float:
 def _spikes(pool: Pool) -> tuple[float, ...]:
     """Times of the readings that were left out, the farthest from the usual one first."""
     rows, record = np.flatnonzero(pool.rows.spikes), pool.record
-    usual = CLIPPED, REPEAT, FILLED_IN
-    refused = [found for found in record.refused if found.what == "reading" and found.reason not in usual]
+    refused = [found for found in record.refused if found.what == "reading" and found.reason != REPEAT]
     seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
     values = np.concatenate([*(found.values for found in refused), pool.data.reading[rows]])
     far = np.argsort(-np.abs(values - np.median(pool.data.reading)))

@@ -17,9 +17,8 @@ from ..estimators import DynamicBiasRegressor
 from ..estimators.unit_guard import UnitGuard
 from ..records import RecordError, read_record
 from ..records.errors import check_bool, check_int, quoted
-from ..records.numbers import is_frame
+from ..records.numbers import as_data, is_frame
 from ..records.read import times_of
-from ..records.record_log import as_data
 from .advance import Advanced, Stream
 from .clock import Tracker
 from .samples import (
@@ -41,7 +40,7 @@ class OnlineCorrector:
     """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
-    row repeats it; any other starts afresh, by the model's `initial_state`, and is flagged for the model's washout. A
+    row repeats it; any other starts afresh, at rest, and is flagged for the model's washout. A
     step longer than the model's `max_gap` and a change of the run start afresh too. A sample that lacks its
     temperature, or a column that the model needs, is passed over as if it had not come.
 

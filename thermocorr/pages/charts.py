@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from ..displays.axes import FINE_TIMES, TIMES, TimeLine, where_read
 from ..equations.statistics import Moments
-from ..records.labels import is_state, state
 from ..records.numbers import SPANS, is_frame, numeric_reading, unit_text
 from ..records.units import without_unit
 from .html import rendered, units_of_axis
@@ -226,8 +225,6 @@ def recorded(X: Any, name: Any, rows: Any) -> np.ndarray:
     """Some rows of a recorded column."""
     if not is_frame(X):
         return np.asarray(X[rows, name], float)
-    if is_state(X, name):
-        return np.asarray(state(X.iloc[rows], name))
     column = X[name]
     if hasattr(column, "iloc"):
         return np.asarray(column.iloc[rows].to_numpy(dtype=float, na_value=np.nan))

@@ -19,7 +19,6 @@ from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, option, quoted, times_word, way
 from .grammar import LARGEST, has_other_blanks, is_missing
-from .labels import is_state, state
 from .log import Log
 from .types import Role, kind_of, require_role
 
@@ -84,6 +83,15 @@ def refuse_no_table(X: Any) -> None:
     )
 
 
+def as_data(X: Any) -> Any:
+    """Data as the package works with them: tables of other packages as pandas'.
+
+    Raises RecordError for a dict, and for the name of a file.
+    """
+    refuse_no_table(X)
+    return as_pandas(X)
+
+
 def is_frame(X: Any) -> bool:
     """True if the data have named columns."""
     return isinstance(X, pd.DataFrame | Log)
@@ -92,8 +100,6 @@ def is_frame(X: Any) -> bool:
 def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
     """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
     if is_frame(X):
-        if is_state(X, column):
-            return state(X, str(column))
         if column not in X.columns:
             raise RecordError(
                 f"There is no {role} {quoted(column)} in the data. Its columns are {listing(X.columns)}. "

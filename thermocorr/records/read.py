@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from .errors import RecordError, listing, option, quoted, times_word, warn, way
 from .labels import factorized
 from .log import Log
-from .numbers import is_frame, numeric_column, span_text, span_texts
+from .numbers import as_data, is_frame, numeric_column, span_text, span_texts
 from .record import Record
-from .record_log import as_data
 from .screen import missing_text, nothing_known_text, reading_of
 from .segments import Segment, holes
 from .times import Times, index_times, no_times_text, seconds_of, steps_back_an_hour, summer_time_text, times_from

@@ -100,8 +100,7 @@ MOST_KEPT = 10_000
 """Spikes that are known again in later rows at most."""
 LISTED = 10
 """Rows that a note lists."""
-SPIKE, SENTINEL, OTHER_UNIT, CLIPPED = "spike", "sentinel", "other unit", "clipped"
-REPEAT, FILLED_IN = "repeat", "filled in"
+SPIKE, SENTINEL, OTHER_UNIT, REPEAT = "spike", "sentinel", "other unit", "repeat"
 
 Rows = NDArray[np.intp]
 
@@ -278,7 +277,7 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
         values = record.reading if column is None else record.columns[column]
         if values is None:
             continue
-        usual = usual_of(_sampled(record, values), record.n_used, temperature=column is not None)
+        usual = usual_of(_sampled(record, values), record.n_used)
         found = record.scanned(values, usual)
         spikes = found.true_spikes(usual, record.n_used)
         if column is not None and usual.middle in (usual.low, usual.high):
@@ -289,8 +288,7 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
         if len(found.repeats) and column == record.temperature_name:  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
         repeats = found.repeats if column is None else found.repeats[:0]
-        again = REPEAT if usual.repeats else FILLED_IN
-        refused = (SENTINEL, found.codes), (CLIPPED, found.clipped), (SPIKE, spikes), (again, repeats)
+        refused = (SENTINEL, found.codes), (SPIKE, spikes), (REPEAT, repeats)
         for reason, positions in refused:
             if len(positions):
                 record = without(record, column, reason, positions, max_gap)
@@ -337,7 +335,7 @@ def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, 
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
     far = ALL_CODES[(found.left.low > ALL_CODES) | (found.left.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
-    codes = sorted({code for code in (*met, *far.tolist(), *usual.ends) if abs(code) < OVERLOAD})
+    codes = sorted({code for code in (*met, *far.tolist()) if abs(code) < OVERLOAD})
     kept = spikes[:MOST_KEPT]
     values = np.asarray(column[record.rows_at(kept)], float).tolist() if len(kept) else []
     known = {record.stamp(k): value for k, value in zip(kept.tolist(), values, strict=True)}
@@ -434,20 +432,6 @@ def _note(refused: Refused) -> str:
         return (
             f"{count} of the readings are the one of the row before to the last digit: the instrument measures less "
             "often than it is logged. They are left out; the first row of each reading is learned from."
-        )
-    if refused.reason == FILLED_IN:
-        return (
-            f"{count} of the readings stand on the straight line between their neighbours: the rows between rarer "
-            "readings were filled in. They are left out, and the readings at the bends are learned from; screen=False "
-            "keeps all."
-        )
-    if refused.reason == CLIPPED:
-        values, times = np.unique(refused.values, return_counts=True)
-        ends = " and ".join(f"{value:.10g}" for value in values[2 * times > times.max()])
-        return (
-            f"{times_word(count, 'reading')} left out as clipped, at exactly {ends} or so near that noise would go "
-            "beyond: no other number comes nearly as often. That is an end of the instrument's range, or what it shows "
-            "at rest. A later reading of exactly that is flagged as a sentinel."
         )
     rows = [str(row) for row in refused.rows[:LISTED].tolist()]
     more = f" and {count - LISTED} more" if count > LISTED else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -88,7 +88,6 @@ class SearchSettings:
     count: int | None = None
     alphas: Any = "auto"
     cv: Any = 5
-    say: Callable[[str], None] = lambda text: None
 
 
 class CandidateRow(NamedTuple):
@@ -152,8 +151,6 @@ class TimeConstantChoice:
     chosen: CandidateRow | None = None
     reference: GridRidge | None = None
     factored: Factored | None = None
-    products: bool | int = False
-    """Products of lags that the model has beside them, as the parameter of this name takes them."""
     spectrum: dict[str, np.ndarray] | None = None
     """Columns of `resolution.spectrum_table`, in the choice that a fitted `DynamicBiasRegressor` keeps."""
 

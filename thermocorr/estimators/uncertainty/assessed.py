@@ -73,7 +73,7 @@ def uncertainty_of(
         wander, bias_variance = noise.wander_variance * errors.noise, errors.level + errors.coefficients
         each = {
             "noise": noise.white * errors.noise, "wander": wander, "level": errors.level,
-            "coefficients": errors.coefficients, "extrapolation": errors.extrapolation,
+            "coefficients": errors.coefficients,
             "structure": doubt * (wander + bias_variance), "reference": reference.uncertainty**2,
         }  # fmt: skip
         for part, variance in each.items():
@@ -81,10 +81,6 @@ def uncertainty_of(
         inputs[rows] = record.input_variance(rows)
         shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
-        # Share of the variance of a corrected reading from which it is outside the fitted range, though the measured
-        # temperature is inside: a part of the device is not
-        outside = errors.extrapolation > 0.1 * errors.of_readings(noise)
-        flags[flags.are("") & outside] = "outside fitted range"
         flags[flags.are("")] = fine
         status[rows] = flags
     fixed, own = sensor_variance(model, record, sensor)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ...effects import InitialTransient, LaggedCovariate, StaticPolynomial
+from ...effects import InitialTransient, LaggedCovariate
 from ...effects.protocol import Effect
 from ...effects.thermal import ThermalLag
 from ...equations import TriangularFactor
@@ -146,19 +146,6 @@ class BandSums:
         for i, group in enumerate(self.groups):
             known = float(np.sum(group > 0) - np.sum(group * np.diag(V)) / self.scales[i])
             self.scales[i] = max(float(np.sum(group * coef**2)) / max(known, 0.1), 1e-300)
-
-    def beside(self, column: np.ndarray) -> tuple[float, float] | None:
-        """Coefficient of one more column, shape (n,), and its variance; None where the others hold all of it."""
-        W = 1 / self.bands.each_row(self.parts @ self.theta)
-        x, (coef, V) = self.bands.forward(column[:, None])[:, 0], self.solved()
-        cross = self.columns.T @ (W * x)
-        own = float(x @ (W * x))
-        left = own - float(cross @ V @ cross)
-        # Share of a column outside of the others below which it is rounding
-        if not left > 1e-9 * own:
-            return None
-        moment = float(x @ (W * self.reading) - cross @ coef)
-        return moment / left, 1 / left
 
     def last_covariance(self, last: np.ndarray) -> np.ndarray:
         """Covariance of the coefficients with each part of the noise at the end of the record, shape (p, parts).
@@ -416,7 +403,7 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
     if (
         choice is None
         or choice.reference is None
-        or model.products_
+        or model.products
         or not (choice.further or len(choice.time_constants))
     ):
         return np.zeros(0), np.inf
@@ -500,103 +487,3 @@ def within_bins(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> 
         power=max(float(whole[-1, -1] - basis.count @ y**2), 0.0) / scaled.unit**2,
         freedom=factor.n_rows - len(columns),
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Beyond:
-    """The next power of the static law, which the model leaves out.
-
-    What is curved may feel the temperature at any depth: k temperatures are asked, first the one that the device acts
-    by as its linear law has it, then that of each of its parts.
-    """
-
-    power: int
-    size: float
-    """Root mean square of its coefficient, from estimate and standard error [reading per K^power]."""
-    weights: np.ndarray
-    """What the columns of the joint errors' effects make of each temperature about the reference [K], shape (k, p)."""
-    alike: np.ndarray
-    """Combination of the lower powers that is like it inside, from the zeroth on, shape (k, power)."""
-    lowest: np.ndarray
-    """Lowest value of each temperature in the fitted record [K], shape (k,)."""
-    highest: np.ndarray
-    """Highest value of each temperature in the fitted record [K], shape (k,)."""
-
-    def variance(self, columns: np.ndarray, outside: np.ndarray) -> np.ndarray:
-        """Variance of what the power may do in rows of columns, shape (n, p): the largest at any depth, shape (n,).
-
-        A depth counts in rows whose measured temperature is `outside` the fitted ones, shape (n,), and where its own
-        is: after an excursion it is so for a while.
-        """
-        found = np.zeros(len(columns))
-        for weights, alike, low, high in zip(self.weights, self.alike, self.lowest, self.highest, strict=True):
-            felt = columns @ weights
-            rows = np.flatnonzero(outside | (felt < low) | (felt > high))
-            if len(rows):
-                powers = felt[rows, None] ** np.arange(self.power + 1)
-                error = (powers[:, -1] - powers[:, :-1] @ alike) * self.size
-                found[rows] = np.maximum(found[rows], error**2)
-        return found
-
-
-def beyond_of(basis: Basis, scaled: ScaledBasis, sums: BandSums, coef: np.ndarray) -> Beyond | None:
-    """The next power, for coefficients of intercept and all columns; None where the record holds nothing of it."""
-    first = basis.effects[0]
-    if not isinstance(first, StaticPolynomial) or first.degree < 1 or first.lowest_power > 1:
-        return None
-    power = first.degree + 1
-    weights = np.vstack((_acting(basis, coef), _parts(basis)))
-    felt = basis.columns[:, 1:] @ weights[:, basis.free[1:] - 1].T
-    alike = []
-    for each in felt.T:
-        lower = each[:, None] ** np.arange(power)
-        alike.append(np.linalg.lstsq(lower, each**power, rcond=1e-10)[0])
-    rest = felt[:, 0] ** power - felt[:, :1] ** np.arange(power) @ alike[0]
-    if not float(np.linalg.norm(rest)) > 1e-9 * float(np.linalg.norm(felt[:, 0] ** power)):
-        return None
-    known = sums.beside(rest / scaled.size)
-    if known is None:
-        return None
-    size = float(np.hypot(known[0], np.sqrt(known[1]))) * scaled.unit
-    lowest, highest = _ranges(felt, basis)
-    return Beyond(power=power, size=size, weights=weights, alike=np.array(alike), lowest=lowest, highest=highest)
-
-
-def _acting(basis: Basis, coef: np.ndarray) -> np.ndarray:
-    """Weights of the columns in the temperature that the device acts by, by its linear law, shape (p,).
-
-    Inside it moves no more than outside: where the law says otherwise, as when the sensitivity is next to nothing, the
-    measured temperature is taken.
-    """
-    slope = float(coef[1])
-    lags = [isinstance(effect, ThermalLag) for effect in basis.effects for _ in effect.names()]
-    weights = np.where(lags, coef[1:] / slope, 0.0) if abs(slope) > 0 else np.zeros(len(lags))
-    weights[0] = 1.0
-    felt = basis.columns[:, 1:] @ weights[basis.free[1:] - 1]
-    # Largest standard deviation of a temperature inside a device, relative to that outside
-    if not np.std(felt) <= 1.1 * np.std(basis.columns[:, 1]):
-        weights[1:] = 0.0
-    return weights
-
-
-def _parts(basis: Basis) -> np.ndarray:
-    """Weights of the columns in the temperatures of the device's parts, one per time constant, shape (k, p)."""
-    edges = np.cumsum([0, *(effect.n_columns() for effect in basis.effects)])
-    parts = []
-    for start, effect in zip(edges, basis.effects, strict=False):
-        if isinstance(effect, ThermalLag) and len(effect.time_constants_):
-            apart = np.abs(np.log(effect.time_constants_[:, None] / basis.time_constants))
-            for at in np.unique(apart.argmin(axis=0)):
-                weights = np.zeros(edges[-1])
-                weights[[0, start + at]] = 1.0  # a lag difference and the measured temperature
-                parts.append(weights)
-    return np.array(parts).reshape(-1, edges[-1])
-
-
-def _ranges(felt: np.ndarray, basis: Basis) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges over all rows of temperatures that are known in the bins, shape (bins, k), which average peaks away."""
-    (low, high), measured = basis.inside, basis.columns[:, 1]
-    # A temperature that lies beyond the fitted ones by this share of their range is not outside yet
-    rounding = 1e-9 * (high - low)
-    below, above = max(measured.min() - low, 0.0), max(high - measured.max(), 0.0)
-    return felt.min(axis=0) - below - rounding, felt.max(axis=0) + above + rounding

@@ -19,7 +19,7 @@ from ...records import Block, History, Record
 from ...records.units import difference_unit
 from ..fitting import Swept
 from ..time_constants.spectrum import TOLERANCE
-from .covariance import BandSums, Basis, Beyond, Restricted, ScaledBasis, basis_of, beyond_of, within_bins
+from .covariance import BandSums, Basis, Restricted, ScaledBasis, basis_of, within_bins
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,7 +253,6 @@ class JointErrors:
     """Number of the fitted segment that ends last: only what follows on it shares its noise."""
     representation: float
     """Variance of what the chosen time constants may leave of the modelled reading."""
-    beyond: Beyond | None
 
     @property
     def covariance(self) -> np.ndarray:
@@ -297,7 +296,6 @@ class JointErrors:
             usual=float(np.sum(bias_form * covariance)),
             noise=self.noise.averaged(other.noise, share),
             last=share * self.last + (1 - share) * other.last,
-            beyond=(self if share > 0.5 else other).beyond,
         )
 
 
@@ -384,7 +382,7 @@ class Way:
             dof=found.freedom(form[np.ix_(basis.free, basis.free)] * scale[:, None] * scale),
             usual=float(np.sum((form @ half) * half)), mean=mean, noise=noise, last=last,
             end=float(basis.begins.max()), last_segment=int(basis.segment[np.argmax(basis.begins)]),
-            representation=self.tolerated, beyond=beyond_of(basis, scaled, sums, coef),
+            representation=self.tolerated,
         )  # fmt: skip
 
 
@@ -505,8 +503,6 @@ class RowErrors:
     """The bias: what all rows of a record like the fitted one share."""
     coefficients: np.ndarray
     """The bias: the rest of what the coefficients make, and the distance of the fit from the best estimate."""
-    extrapolation: np.ndarray
-    """The bias, outside the fitted temperatures; those inside the device, as its lags have them, included."""
     noise: np.ndarray
     """Variance of the noise, over that of `NoiseModel.variance`."""
     shared: np.ndarray
@@ -517,7 +513,7 @@ class RowErrors:
     @property
     def bias(self) -> np.ndarray:
         """Variance of the bias, or of the modelled reading, without noise."""
-        return np.asarray(self.level + self.coefficients + self.extrapolation)
+        return np.asarray(self.level + self.coefficients)
 
     def of_readings(self, noise: NoiseModel) -> np.ndarray:
         """Variance of a corrected reading, or of one to come, noise included."""
@@ -574,8 +570,7 @@ class ErrorWalk:
         `temperature` (array of shape (n,)). `value` (array of shape (n,)): What the model gives. `key` (int or None):
         Fitted segment that the rows belong to.
         """
-        joint, beyond = self.joint, self.joint.beyond
-        outside = self.model.reading_.outside(temperature)
+        joint = self.joint
         Z = np.empty((len(columns), 1 + columns.shape[1]), order="F")
         Z[:, 0], Z[:, 1:] = 1.0, columns
         Z[:, ~self.used] = 0.0
@@ -585,7 +580,6 @@ class ErrorWalk:
         return RowErrors(
             level=level,
             coefficients=rest + distance**2 + joint.representation,
-            extrapolation=np.zeros(len(columns)) if beyond is None else beyond.variance(columns, outside),
             noise=joint.noise.size(seconds) ** 2,
             shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds, key)),
             columns=Z,

@@ -200,11 +200,11 @@ def concise(value: float, U: float) -> str:
     return f"{whole}.{grouped}({digits})"
 
 
-PARTS = ("noise", "level", "coefficients", "wander", "sensor", "reference", "structure", "extrapolation")
+PARTS = ("noise", "level", "coefficients", "wander", "sensor", "reference", "structure")
 """What an uncertainty consists of: columns ``u_...`` of `Uncertainty.frame`."""
 CAUSES = {
     "noise": "noise", "wander": "wander", "structure": "wander", "level": "bias", "coefficients": "bias",
-    "extrapolation": "bias", "sensor": "sensor", "reference": "reference",
+    "sensor": "sensor", "reference": "reference",
 }  # fmt: skip
 """Parts that are estimates of the same thing: their variances have their degrees of freedom together."""
 MOST_ROWS = 5000
@@ -293,7 +293,6 @@ class Uncertainty:
                     ("wander", "reading, wandering noise", np.nan, 1.0),
                     ("coefficients", "bias, coefficients", float(np.mean(self.bias[at])), -1.0),
                     ("level", "bias, level", np.nan, -1.0),
-                    ("extrapolation", "bias, beyond the fitted temperatures", np.nan, -1.0),
                     ("structure", "effects that may be missing", np.nan, 1.0),
                 )
             ),
@@ -330,8 +329,11 @@ class Uncertainty:
         total = through @ through.T + self.joint.noise.covariance(chosen.seconds, chosen.runs)
         own = self.sensor_own[at]
         bias = (self.variances["level"] + self.variances["coefficients"])[at] - np.einsum("ij,ij->i", through, through)
-        shared = self.variances["structure"][at], self.variances["extrapolation"][at]
-        for variance in (self.variances["sensor"][at] - own, *shared, bias):  # whole records err alike
+        for variance in (
+            self.variances["sensor"][at] - own,
+            self.variances["structure"][at],
+            bias,
+        ):  # whole records err alike
             each = np.sqrt(np.maximum(variance, 0.0))
             total = total + each[:, None] * each
         alike = chosen.columns @ self.joint.last @ chosen.fading.T
@@ -395,7 +397,7 @@ class Uncertainty:
         noise = self.joint.noise
         return {
             "noise": noise.white_dof, "wander": noise.wander_dof, "structure": noise.wander_dof,
-            "level": self.joint.dof, "coefficients": self.joint.dof, "extrapolation": self.joint.dof,
+            "level": self.joint.dof, "coefficients": self.joint.dof,
             "sensor": np.inf, "reference": self.reference.dof,
         }[part]  # fmt: skip
 

@@ -14,7 +14,6 @@ from sklearn.base import clone
 from ...effects.protocol import Effect
 from ...effects.wrap import as_effects
 from ...estimators import DynamicBiasRegressor
-from ...estimators.choosing import chosen_products
 from ...estimators.thermometers import Thermometers
 from ...foreign import ForeignTable
 from ...judgement import diagnose
@@ -81,11 +80,11 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         for _, effect in given:
             if hasattr(effect, "time_constants") and isinstance(effect.time_constants, np.ndarray):
                 effect.set_params(time_constants=effect.time_constants.tolist())
-        base.set_params(fill=None, time_constants=list(taus))
+        base.set_params(time_constants=list(taus))
     settings = ModelSettings(
         time_constants=tuple(taus) if isinstance(taus, list | tuple) else taus,
         degree=model.degree,
-        products=chosen_products(model),
+        products=model.products,
         screen=model.screen,
         sampling_period=model.sampling_period,
         max_gap=model.max_gap,
