@@ -24,10 +24,8 @@ from thermocorr import (
 from thermocorr.datasets import make_record
 from thermocorr.displays import (
     AllanDisplay,
-    BudgetDisplay,
     ContributionsDisplay,
     RefinementDisplay,
-    ResidualLoopDisplay,
     ResidualsDisplay,
     SpectrumDisplay,
     StepResponseDisplay,
@@ -38,8 +36,6 @@ from thermocorr.displays import (
 from thermocorr.displays.axes import label_log_values, label_values, pyplot
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
-from thermocorr.estimators import Budget
-from thermocorr.estimators.uncertainty.signed import BudgetLine
 from thermocorr.records.numbers import scale_of
 
 pytestmark = pytest.mark.usefixtures("drawing")
@@ -107,19 +103,6 @@ def test_failing_stretches_are_those_of_the_diagnosis(fitted, found):
     assert display.noise_floor == found.noise_floor
     labels = [text.get_text() for text in display.plot().axes_[0].get_legend().get_texts()]
     assert labels == ["measured", "modelled", "corrected", "fails most"]
-
-
-def test_heating_and_cooling_part_where_a_lag_is_missing(fitted):
-    """A device that is late reads low while it is heated: the curves part by about lag times rate of change."""
-    _, X, y = fitted
-    for times, apart in (((), True), (["5 min", "90 min"], False)):
-        model = DynamicBiasRegressor("temperature", times, degree=1).fit(X, y)
-        display = ResidualLoopDisplay.from_estimator(model, X, y)
-        curves = display.curves.dropna()
-        gap = (curves["cooling"] - curves["heating"]).mean()
-        assert (gap > 0.3) == apart
-        frame = display.frame()
-        assert np.sum(frame["n"] * frame["residual"]) == pytest.approx(model.residuals(X, y).sum(), abs=1e-8)
 
 
 def test_allan_display_is_the_allan_deviation(fitted):
@@ -331,21 +314,6 @@ def test_what_is_no_fitted_model_is_refused(fitted):
         SpectrumDisplay.from_estimator(TimeConstantSearch(refit=False))
     with pytest.raises(NotFittedError):
         ResidualsDisplay.from_estimator(DynamicBiasRegressor(), X, y)
-
-
-def test_a_budget_is_drawn_with_its_shares():
-    lines = (
-        BudgetLine(quantity="noise", estimate=1.0, uncertainty=3.0, unit="mV"),
-        BudgetLine(quantity="thermometer", estimate=0.0, uncertainty=0.4, unit="K", sensitivity=10.0, type="B"),
-        BudgetLine(quantity="nothing", estimate=0.0, uncertainty=0.0, unit="mV", type="B, not declared"),
-    )
-    budget = Budget(name="corrected", value=10.0, unit="mV", lines=lines, coverage=0.95, status="signed")
-    display = BudgetDisplay.from_budget(budget).plot()
-    display.figure_.canvas.draw()
-    np.testing.assert_allclose([bar.get_width() for bar in display.ax_.patches], [64.0, 36.0])
-    assert [label.get_text() for label in display.ax_.get_yticklabels()] == ["thermometer (B)", "noise (A)"]
-    assert display.frame()["share"].tolist() == pytest.approx([0.64, 0.36, 0.0])
-    assert display.ax_.get_xlabel().endswith("[%]") and "10.0(9.8) mV" in display.ax_.get_title(loc="left")
 
 
 def test_a_band_of_uncertainty_holds_the_residuals():

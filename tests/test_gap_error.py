@@ -299,11 +299,10 @@ def test_a_damaged_state_is_refused(model, record, damage):
         OnlineCorrector.from_state(model, state)
 
 
-@pytest.mark.parametrize("rows", [100, None])
-def test_a_model_file_knows_it(model, record, rows, tmp_path):
+def test_a_model_file_knows_it(model, record, tmp_path):
     some, _ = with_holes(record, 3)
     X = some.drop(columns="reading")
-    save_model(model, tmp_path / "model.json", history_rows=rows)
+    save_model(model, tmp_path / "model.json")
     known, again = model._resumed_with_gaps(X)[0], load_model(tmp_path / "model.json")._resumed_with_gaps(X)[0]
     np.testing.assert_array_equal(again.gap_variance, known.gap_variance)
 

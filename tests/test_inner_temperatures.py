@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from thermocorr import DynamicBiasRegressor
-from thermocorr.displays import InnerTemperaturesDisplay
 from thermocorr.effects import InitialTransient, ThermalLag
 
 TAUS = (600.0, 7200.0)
@@ -83,14 +82,3 @@ def test_a_static_model_knows_of_none(device):
     X, y, _, _ = device
     with pytest.raises(ValueError, match="no lags"):
         DynamicBiasRegressor("temperature", []).fit(X, y).inner_temperatures(X)
-
-
-def test_the_picture_shows_them(device, drawing):
-    X, _, inner, model = device
-    display = InnerTemperaturesDisplay.from_estimator(model, X).plot()
-    frame = display.frame()
-    cells = frame["temperature 2 h"].to_numpy()
-    assert (frame["temperature 2 h_low"] <= cells).all() and (cells <= frame["temperature 2 h_high"]).all()
-    assert frame["temperature 2 h_high"].max() == pytest.approx(inner[:, 1].max(), abs=1e-3)
-    assert [axes.get_ylabel() for axes in display.axes_] == ["temperature [°C]", "inner less ambient [K]"]
-    assert [text.get_text() for text in display.ax_.get_legend().get_texts()] == ["ambient", "10 min", "2 h"]

@@ -85,7 +85,7 @@ def test_it_has_a_model_file_that_refuses_a_damaged_state(model, tmp_path):
     live.update(new.index[0], 23.0, 1.0, humidity=45.0)
     state = json.loads(json.dumps(live.state()))
     state["state"]["states"][-1] = 0.0
-    with pytest.raises(ModelFileError, match="the state of 1 lags"):
+    with pytest.raises(ModelFileError, match="the state of a Lag"):
         OnlineCorrector.from_state(fit, state)
 
 

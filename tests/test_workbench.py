@@ -1,4 +1,4 @@
-"""The workbench without a browser: steps, undo, marks, previews, what is taken away, against the library's calls."""
+"""The workbench without a browser: steps, undo, previews, what is taken away, against the library's calls."""
 
 import json
 
@@ -69,8 +69,8 @@ def test_the_work_begins_with_what_is_advised_where_nobody_chose_settings(bench,
 
 def test_errors_of_other_readings_are_not_compared_and_some_must_be_left(bench):
     with pytest.raises(ValueError, match="all readings that are learned from"):
-        bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.0, 1.0)})
-    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.2, 0.3)})
+        bench.perform({"do": "leave_out", **stretch(bench, 0.0, 1.0)})
+    bench.perform({"do": "leave_out", **stretch(bench, 0.2, 0.3)})
     first, last = snapshot(settled(bench))["history"]
     assert first["same"] and not last["same"] and last["later"] and not last["db"]["value"]
 
@@ -93,7 +93,7 @@ def test_errors_compare_behind_the_last_date_and_the_model_is_drawn_where_readin
 
 
 def test_a_step_in_the_middle_is_removed_and_the_others_stand(bench):
-    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.2, 0.3)})
+    bench.perform({"do": "leave_out", **stretch(bench, 0.2, 0.3)})
     settled(bench).perform({"do": "add", "suspect": 0})
     settled(bench).perform({"do": "drop", "step": 1})
     state = snapshot(settled(bench))
@@ -118,52 +118,17 @@ def test_a_preview_says_what_the_fit_then_leaves(bench):
     assert len(bench.acts) == 1  # nothing was done
 
 
-def test_stretches_are_marked_and_count_in_the_fit(bench):
+def test_a_stretch_is_left_out_of_the_fit(bench):
     n = len(bench.source.frame)
-    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.4, 0.5)})
+    bench.perform({"do": "leave_out", **stretch(bench, 0.4, 0.5)})
     learned = bench.current.data.learned
     (start, stop), *more = bench.arrangement().left_out
     assert not more and start == pytest.approx(0.4 * n, abs=2) and stop == pytest.approx(0.5 * n, abs=2)
     assert learned.isna().to_numpy().nonzero()[0].tolist() == list(range(start, stop))
     residual = bench.store.get(bench.current.curves["residual"])
     assert np.isfinite(residual[start:stop]).all()  # shown all the same
-    bench.perform({"do": "mark", "what": "own run", **stretch(bench, 0.6, 0.7)})
-    assert len(bench.store.get(bench.current.curves["begins"])) == 3
-    bench.perform({"do": "mark", "what": "change", **stretch(bench, 0.8, 0.9)})
-    steps = bench.current.model.effects[-1]
-    assert len(steps.times) == 2 and not steps.removed_by_correct
-    with pytest.raises(ValueError, match="stands out"):
-        bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 0.1)})
     with pytest.raises(ValueError, match="no rows"):
-        bench.perform({"do": "mark", "what": "left out", "low": -5.0, "high": -4.0})
-
-
-def test_a_changed_measurand_keeps_its_level_in_corrected_readings(tmp_path):
-    record = make_record(3000, effects={"covariate": 0.0}, seed=4)
-    record.iloc[2000:, -1] += 50 * record.attrs["noise"]
-    path = tmp_path / "log.csv"
-    record.to_csv(path)
-    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
-    bench.start()
-    poor = bench.current.model.residual_std_
-    bench.perform({"do": "mark", "what": "change", **stretch(bench, 2000 / 2999, 1.1)})
-    assert bench.current.model.residual_std_ < 0.5 * poor
-    corrected = bench.store.get(bench.current.curves["corrected"])
-    step = np.mean(corrected[2100:]) - np.mean(corrected[1000:1900])
-    assert step == pytest.approx(50 * record.attrs["noise"], rel=0.05)
-
-
-def test_spikes_in_a_stretch_become_no_readings(bench_log, tmp_path):
-    frame = pd.read_csv(bench_log, index_col=0)
-    frame.iloc[[1500, 1510], frame.columns.get_loc("reading")] += 1000.0
-    path = tmp_path / "spiky.csv"
-    frame.to_csv(path)
-    bench = Bench(source := opened([path]), Store(tmp_path), roles=guessed(source.frame))
-    bench.settings = type(bench.settings)(screen=False)
-    bench.start()
-    bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.45, 0.55)})
-    assert bench.arrangement().spikes == (1500, 1510)
-    assert bench.current.data.y.isna().sum() == 2
+        bench.perform({"do": "leave_out", "low": -5.0, "high": -4.0})
 
 
 def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
@@ -184,7 +149,7 @@ def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
         {"do": "shape", "time_constants": "", "degree": 2, "products": False},
         {"do": "shape", "time_constants": "\u00b2", "degree": 2, "products": False},
         {"do": "shape", "time_constants": "9" * 5000, "degree": 2, "products": False},
-        {"do": "mark", "what": "left out", "low": 10**4000, "high": 1.0},
+        {"do": "leave_out", "low": 10**4000, "high": 1.0},
         {"do": "shape", "time_constants": 6, "degree": 2.5, "products": False},
         {"do": "shape", "time_constants": 6, "degree": 2, "products": "yes"},
         {
@@ -206,9 +171,9 @@ def test_what_cannot_be_done_changes_nothing_and_says_why(bench):
             "ignored": [],
         },
         {"do": "columns", "temperature": "temperature", "reading": "reading"},
-        {"do": "mark", "what": "eaten", "low": 0.0, "high": 1.0},
-        {"do": "mark", "what": "left out", "low": float("nan"), "high": 1.0},
-        {"do": "mark", "what": "left out", **stretch(bench, -1.0, 2.0)},
+        {"do": "mark", "low": 0.0, "high": 1.0},
+        {"do": "leave_out", "low": float("nan"), "high": 1.0},
+        {"do": "leave_out", **stretch(bench, -1.0, 2.0)},
     ):
         with pytest.raises(ValueError, match=r".{15,}"):
             bench.perform(asked)
@@ -287,22 +252,6 @@ def test_columns_of_a_german_log_are_told(tmp_path):
         assert [c["joined"] for c in state["columns"]] == [False, not ignored, False, False, False]
     bench.perform({**asked, "time": None, "ignored": []})
     assert snapshot(bench)["fitted"]["without_times"]  # and the screen says so
-
-
-def test_what_is_left_out_or_lasts_is_no_spike(bench):
-    bench.perform({"do": "mark", "what": "left out", **stretch(bench, 0.4, 0.5)})
-    residual = bench.store.get(bench.current.curves["residual"]).copy()
-    residual[1300] += 1e3  # in what is left out
-    residual[[2000, 2001]] += 1e3
-    residual[2200:2230] += 1e3  # for half an hour
-    bench.current.curves["residual"] = bench.store.put(residual)
-    bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 1.0)})
-    assert bench.arrangement().spikes == (2000, 2001)
-    bench.perform({"do": "undo"})
-    residual[[2000, 2001]] -= 1e3
-    bench.current.curves["residual"] = bench.store.put(residual)
-    with pytest.raises(ValueError, match="in a row"):
-        bench.perform({"do": "mark", "what": "spikes", **stretch(bench, 0.0, 1.0)})
 
 
 def test_a_role_for_two_columns_or_one_column_for_two_roles_is_refused():

@@ -163,7 +163,7 @@ def test_a_stretch_is_selected_and_left_out(person):
     drag = ActionChains(person.driver).move_to_element_with_offset(over, -width // 4, 0).click_and_hold()
     drag.move_by_offset(width // 4, 0).release().perform()
     low, high = person.sees("thermocorr.bench.plot.selected")
-    person.click("[data-mark='left out']")
+    person.click("[data-leave-out]")
     person.sees("thermocorr.bench.state.history.length === 2")
     state = person.settled()
     axis = state["fitted"]["axis"]

@@ -1,9 +1,8 @@
-"""What is taken away from the workbench comes to the same model; sessions open again, or say why not."""
+"""What is taken away from the workbench comes to the same model."""
 
 import json
 import subprocess
 import sys
-import zipfile
 
 import numpy as np
 import pandas as pd
@@ -18,7 +17,7 @@ from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import effects_in, opened
-from thermocorr.interactive.takeaway import KINDS, is_session, reopened, taken
+from thermocorr.interactive.takeaway import KINDS, past_node, taken, with_past
 from thermocorr.interactive.tiles import Store
 from thermocorr.records import RecordError
 
@@ -53,10 +52,9 @@ def taken_script(bench, folder):
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::thermocorr.RecordWarning")
-def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, tmp_path):
+def test_the_script_and_the_model_file_come_to_the_same_model(bench, tmp_path):
     bench.perform({"do": "add", "suspect": 0})
-    for what, low, high in (("left out", 0.2, 0.25), ("own run", 0.5, 0.6), ("change", 0.8, 0.85)):
-        bench.perform({"do": "mark", "what": what, **stretch(bench, low, high)})
+    bench.perform({"do": "leave_out", **stretch(bench, 0.2, 0.25)})
     bench.perform({"do": "shape", "time_constants": "4", "degree": 2, "products": False})
     settled(bench)
     out = tmp_path / "out"
@@ -69,65 +67,28 @@ def test_the_script_the_notebook_and_the_session_come_to_the_same_model(bench, t
     assert json.loads(done.stdout.splitlines()[-1]) == [wanted.intercept_, *wanted.coef_.tolist()]
     held_out = snapshot(bench)["history"][-1]["held_out"]["value"]
     assert f"held out {held_out:.6g}" in done.stdout
-    cells = [c for c in json.loads(files["notebook"].read_text())["cells"] if c["cell_type"] == "code"]
-    code = "\n".join(cell["source"] for cell in cells[:-1])
-    space = {}
-    exec(code, space)
-    np.testing.assert_array_equal(space["model"].coef_, wanted.coef_)
-    assert is_session(files["session"])
-    again = reopened(files["session"], Store(tmp_path))
-    again.start()
-    np.testing.assert_array_equal(again.current.model.coef_, wanted.coef_)
-    assert again.past == bench.past
-    again.perform({"do": "undo"})
-    assert len(again.acts) == len(bench.acts) - 1
-    kept = taken(again, "session", out)
-    later = reopened(kept, Store(tmp_path))
-    later.start()
-    later.perform({"do": "redo"})
-    np.testing.assert_array_equal(later.current.model.coef_, wanted.coef_)
     np.testing.assert_array_equal(load_model(files["model"]).coef_, wanted.coef_)
     corrected = pd.read_csv(files["corrected"])
     assert len(corrected) == 3000 and {"corrected", "flag", "u"} <= set(corrected.columns)
     assert "<!DOCTYPE html>" in files["report"].read_text(encoding="utf-8")[:100]
-    with zipfile.ZipFile(files["firmware"]) as packed:
-        assert sorted(packed.namelist()) == ["thermal_bias.c", "thermal_bias.h", "thermal_bias_test.c"]
 
 
-def test_a_session_of_another_log_or_a_damaged_one_is_refused(bench, tmp_path, bench_log):
-    path = taken(bench, "session", tmp_path)
-    node = json.loads(path.read_text())
-    other = tmp_path / "other.csv"
-    other.write_bytes(bench_log.read_bytes().replace(b"1", b"2", 1))
-
+def test_steps_that_are_none_are_refused(bench):
     def acts(act):
         return {"acts": [act], "versions": [[0]], "at": 0}
 
-    backwards = {"do": "mark", "what": "left out", "rows": [[5, 2]], "where": "", "moments": []}
-    for change, error, sentence in (
-        ({"log": {**node["log"], "files": [str(other)]}}, RecordError, "its content has changed"),
-        ({"log": {**node["log"], "files": ["/nowhere.csv"]}}, RecordError, "There is no file"),
-        ({"log": {**node["log"], "files": ["/dev/zero"]}}, RecordError, "is a device"),
-        ({"log": {**node["log"], "files": ["//server/share/log.csv"]}}, ModelFileError, "no file of this machine"),
-        ({"log": {**node["log"], "files": []}}, ModelFileError, "no file of this machine"),
-        ({"log": {**node["log"], "how": {"separator": 5}}}, ModelFileError, "does not belong there"),
-        ({"log": {}}, ModelFileError, "has no"),
-        ({"past": acts({"do": "dance"})}, ModelFileError, "no step of a session"),
-        ({"past": acts(backwards)}, ModelFileError, "ends before"),
-        ({"past": acts({**backwards, "what": "spikes", "rows": [[0, 10**12]]})}, ModelFileError, "than 1000 spikes"),
-        ({"past": acts({**backwards, "rows": [], "moments": [1.0, "2024"]})}, ModelFileError, "dates and numbers"),
-        ({"past": {**node["past"], "at": 7}}, ModelFileError, "past.at"),
-        ({"past": {**node["past"], "versions": [[99]]}}, ModelFileError, "versions"),
-        ({"past": {**node["past"], "versions": []}}, ModelFileError, "nothing"),
-        ({"past": 1}, ModelFileError, "an object"),
-        ({"version": 99}, ModelFileError, "version 99"),
-        ({"settings": {}}, ModelFileError, "has no"),
-        ({"settings": {**node["settings"], "time_constants": None}}, ModelFileError, "time_constants"),
-        ({"settings": {**node["settings"], "screen": 1}}, ModelFileError, "neither true nor false"),
-    ):  # fmt: skip
-        path.write_text(json.dumps({**node, **change}))
-        with pytest.raises(error, match=sentence):
-            reopened(path, Store(tmp_path))
+    backwards = {"do": "leave_out", "rows": [[5, 2]], "where": ""}
+    past = past_node(bench.past)
+    for node, sentence in (
+        (acts({"do": "dance"}), "is no step"),
+        (acts(backwards), "ends before"),
+        ({**past, "at": 7}, "past.at"),
+        ({**past, "versions": [[99]]}, "versions"),
+        ({**past, "versions": []}, "nothing"),
+        (1, "an object"),
+    ):
+        with pytest.raises(ModelFileError, match=sentence):
+            with_past(bench, node)
 
 
 def test_several_files_are_runs(bench_log, tmp_path):
@@ -167,11 +128,6 @@ def test_an_effect_from_a_file_is_a_suspect_and_comes_into_the_script(tmp_path):
     (tmp_path / "run.py").write_text(script.read_text() + tail)
     done = subprocess.run([sys.executable, tmp_path / "run.py"], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout.splitlines()[-1]) == bench.current.model.coef_.tolist()
-    taken(bench, "session", tmp_path).replace(tmp_path / "session.json")
-    with pytest.raises(ModelFileError, match="--effects"):
-        reopened(tmp_path / "session.json", Store(tmp_path))
-    again = reopened(tmp_path / "session.json", Store(tmp_path), own, str(path))
-    assert taken_script(again, tmp_path) == script.read_text()
     for content, sentence in (
         ("x = 1", "defines no effect"),
         ("1/0", "ZeroDivisionError"),

@@ -28,150 +28,91 @@ def rest_of(node):
 
 
 def effect_of(node, kind):
-    return next(effect for effect in node["model"]["effects"] if effect["kind"] == kind)
+    return next(each["effect"] for each in node["model"]["effects"] if each["effect"]["kind"] == kind)
+
+
+def drop(node):
+    parts = node["model"]["effects"]
+    parts[:] = [part for part in parts if part["effect"]["kind"] != "static_polynomial"]
+
+
+def learned(kind, name, value):
+    return lambda node: effect_of(node, kind)["learned"].update({name: value})
+
+
+def history(name, value):
+    return lambda node: node["model"]["history"].update({name: value})
+
+
+def more(kind, *given, **changed):
+    parameters = {**CATALOGUE[kind](*given).get_params(deep=False), **changed}
+    effect = {"kind": kind, "parameters": parameters}
+    return lambda node: node["model"]["effects"].append({"name": "more", "effect": effect})
 
 
 FORGED = {
-    "decays of a longer body": ("initial_transient", "decays_", {"$dict": [[0, {"$array": [7e7]}]]}, "some of those"),
-    "decays of no body": ("initial_transient", "decays_", {"$dict": [[0, {"$array": []}]]}, "some of those"),
-    "decays before all": (
-        "initial_transient",
-        "decays_",
-        {"$dict": [[-1, {"$array": [300.0]}]]},
-        "numbers of segments",
-    ),
-    "a label for no segment": ("initial_transient", "labels_", {"$dict": [[7, "x"]]}, "one for each segment"),
-    "one moment for a list": ("several_steps", "seconds_", 1200.0, "where a list belongs"),
-    "moments of text": ("several_steps", "seconds_", ["1200"], r"seconds_\[0\]"),
-    "words of numbers": ("several_steps", "moments_", [1200.0], r"moments_\[0\]"),
-    "times of text": ("thermal_lag", "time_constants_", {"$array": ["x"]}, "a float belongs"),
-}
+    "decays of no body": (learned("initial_transient", "decays_", [[0, []]]), "belong together|columns"),
+    "decays of text": (learned("initial_transient", "decays_", [[0, ["x"]]]), r"decays_\[0\].*where a number"),
+    "decays of words": (learned("initial_transient", "decays_", [["0", [300.0]]]), r"decays_\[0\].*integer"),
+    "one moment for a list": (learned("several_steps", "seconds_", 1200.0), "seconds_ holds .* where a list belongs"),
+    "moments of text": (learned("several_steps", "seconds_", ["1200"]), r"seconds_\[0\]"),
+    "words of numbers": (learned("several_steps", "moments_", [1200.0]), r"moments_\[0\]"),
+    "times of text": (learned("thermal_lag", "time_constants_", ["x"]), r"constants_\[0\] holds 'x' where a number"),
+    "something else learned": (learned("thermal_lag", "more_", 1.0), "learned holds the key 'more_'"),
+    "no segment": (history("segments", []), "segments"),
+    "a column twice": (history("columns", 2 * [["temperature", [20.0] * 16]]), "columns holds a key twice"),
+    "a clock of its own": (history("ticks_per_second", 999_999_999), "one of 1, 1000, 1000000, 1000000000"),
+    "a clock in words": (history("ticks_per_second", "1000"), "one of 1, 1000"),
+    "a time that stands still": (lambda node: node["model"]["history"]["ticks"].__setitem__(
+        5, node["model"]["history"]["ticks"][4]), "ticks do not increase"),
+    "a column that is no name": (more("covariate", "humidity", column=1.5), r"parameters\.column"),
+    "no column": (more("covariate", "humidity", column=None), r"parameters\.column"),
+    "several columns": (more("covariate", "humidity", column=["humidity"]), r"parameters\.column"),
+    "a width beyond all numbers": (more("hysteresis", 1.0, width=1e301), r"parameters\.width holds 1e\+301"),
+    "a knee beyond all numbers": (more("hinge", 1.0, knee=1e301), r"parameters\.knee holds 1e\+301"),
+    "a range in words": (lambda node: node["model"]["reading"].update(temperature_range="20"), "temperature_range"),
+    "half a range": (lambda node: node["model"]["reading"].update(temperature_range=[20.0]), "temperature_range"),
+    "no static part": (drop, "belong together"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FORGED)
-def test_what_an_effect_cannot_have_learned_is_refused_with_its_place(name, saved, tmp_path):
+def test_what_a_model_cannot_be_is_refused_with_its_place(name, saved, tmp_path):
     node = json.loads(json.dumps(saved))
-    kind, learned, value, words = FORGED[name]
-    effect_of(node, kind)["learned"][learned] = value
+    forge, words = FORGED[name]
+    forge(node)
     (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match=rf"\$\.model\.effects.*\.{learned}") as caught:
-        load_model(tmp_path / "f.json")
-    assert caught.match(words)
-
-
-@pytest.mark.parametrize(
-    ("place", "value", "words"),
-    [
-        ("segments", [], "at least one segment"),
-        (
-            "columns",
-            2 * [{"name": "temperature", "values": {"$array": [20.0] * 90}}],
-            "'temperature' where another name",
-        ),
-        ("ticks_per_second", 999_999_999, "1, 1000, 1000000 or 1000000000"),
-        ("ticks_per_second", "1000", "an integer"),
-    ],
-)
-def test_a_history_that_none_can_be_is_refused(place, value, words, saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    node["model"]["history"][place] = value
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match=rf"history\.{place}.*{words}"):
-        load_model(tmp_path / "f.json")
-
-
-def test_a_history_whose_time_stands_still_is_refused(saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    node["model"]["history"]["ticks"][5] = 0
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match=r"history\.ticks\[5\].*does not increase"):
-        load_model(tmp_path / "f.json")
-
-
-@pytest.mark.parametrize(
-    ("kind", "column"),
-    [("covariate", 1.5), ("covariate", None), ("covariate", ["humidity"]), ("lagged_covariate", {"$tuple": [1, 2]})],
-)
-def test_a_column_is_a_name_or_a_number(kind, column, saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    parameters = {"column": column, "power": 1, "removed_by_correct": True, "time_constants": [60.0]}
-    effect = CATALOGUE[kind]("humidity", *([[60.0]] if kind == "lagged_covariate" else []))
-    given = {**effect.get_params(deep=False), **{k: v for k, v in parameters.items() if k in effect.get_params()}}
-    node["model"]["effects"].append({"kind": kind, "parameters": given, "learned": {}})
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match=r"effects\[\d\]\.parameters\.column"):
-        load_model(tmp_path / "f.json")
-
-
-@pytest.mark.parametrize(("kind", "parameter"), [("hysteresis", "width"), ("hinge", "knee")])
-def test_a_place_beyond_all_numbers_is_refused(kind, parameter, saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    given = {**CATALOGUE[kind](1.0).get_params(deep=False), parameter: 1e301}
-    node["model"]["effects"].append({"kind": kind, "parameters": given, "learned": {}})
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match=rf"effects\[\d\]\.parameters\.{parameter} holds 1e\+301"):
-        load_model(tmp_path / "f.json")
-
-
-@pytest.mark.parametrize("ends", [[30.0, 20.0], [20.0], "20"])
-def test_a_range_goes_from_the_lower_end_to_the_higher(ends, saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    node["model"]["reading"]["temperature_range"] = ends
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match="temperature_range"):
-        load_model(tmp_path / "f.json")
-
-
-def test_a_model_without_a_static_part_is_refused(saved, tmp_path):
-    node = json.loads(json.dumps(saved))
-    node["model"]["effects"] = [part for part in node["model"]["effects"] if part["kind"] != "static_polynomial"]
-    (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-    with pytest.raises(ModelFileError, match="no static polynomial"):
-        load_model(tmp_path / "f.json")
-
-
-@pytest.mark.parametrize(
-    ("node", "words"),
-    [
-        ({"$array": [2**40], "dtype": "int32", "shape": [1]}, "numbers within the range of int32"),
-        ({"$state": "LagState", "values": [{"$array": [0.0]}, 23]}, r"x\.temperature holds 23 where a float"),
-        ({"$state": "LagState", "values": [{"$array": [0.0], "shape": [1, 1]}, 23.0]}, "lag_difference.* a ndarray"),
-        ({"$state": "LagState", "values": [0.0, 23.0]}, "lag_difference.* a ndarray"),
-        ({"$array": [1.0], "shape": [-1, -1]}, r"x\.shape holds .* the shape of 1 numbers"),
-        ({"$float": "inf", "unit": "s"}, "x holds the keys .*unit"),
-        ({"$dict": [[1, 2], [1, 3]]}, r"x\[1\] holds .* a key that stands once"),
-        *(
-            ({"$dict": [pair]}, r"x\[0\] holds .* a key")
-            for pair in ([1], [1, 2, 3], "ab", [1.5, 2], [[1], 2], [True, 1])
-        ),
-        ({"$state": "LagState", "values": [{"$array": [0.0]}]}, "the values of a LagState"),
-        *(
-            ({tag: text}, f"x holds '{text}' where a date")
-            for tag in ("$date", "$day")
-            for text in ("soon", "NaT", "2024-02-30")
-        ),
-    ],
-)
-def test_arrays_and_states_that_none_can_be_are_refused(node, words):
     with pytest.raises(ModelFileError, match=words):
+        load_model(tmp_path / "f.json")
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        {"$array": ["int32", [2**40]]}, {"$array": ["int64", [[1], [1, 2]]]}, {"$array": ["object", [1]]},
+        {"$float": "inf", "unit": "s"}, {"$float": "1"}, {"$LagState": [1.0]}, {"$span": 1.5}, {"$span": 2**70},
+        *({"$dict": [pair]} for pair in ([1], [1, 2, 3], "ab", [1.5, 2], [[1], 2], [True, 1])),
+        *({tag: text} for tag in ("$date", "$day") for text in ("soon", "NaT", "2024-02-30", 5)),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_values_that_none_can_be_are_refused(node):
+    with pytest.raises((ModelFileError, ValueError, OverflowError)):
         unpack(node, "x")
 
 
 @pytest.mark.parametrize(
-    ("elapsed", "values", "words"),
+    ("elapsed", "values"),
     [
-        ([0.0, 60.0], [20.0], r"temperature holds .* 2 finite numbers"),
-        ([0.0, 60.0], [20.0, np.inf], r"temperature holds .* 2 finite numbers"),
-        ([0.0, 60.0], [20.0, 1e300], r"temperature holds .* 2 finite numbers"),
-        ([60.0, 60.0], [20.0, 21.0], "elapsed holds times where increasing times"),
-        ([], [], "holds .* where the samples that a delay looks back to"),
+        ([0.0, 60.0], [20.0]), ([0.0, 60.0], [20.0, np.inf]), ([0.0, 60.0], [20.0, 1e300]),
+        ([60.0, 60.0], [20.0, 21.0]), ([], []),
     ],
-)
-def test_samples_that_a_delay_cannot_look_back_to_are_refused(elapsed, values, words):
+)  # fmt: skip
+def test_samples_that_a_delay_cannot_look_back_to_are_refused(elapsed, values):
     X = log(90, seed=9)
     delay = DynamicBiasRegressor(effects=[Delay("5 min")]).fit(X, X["humidity"]).features_.effect_list()[-1]
     check_state(delay, DelayState(np.array([0.0, 60.0]), np.array([20.0, 21.0])), "x")
-    with pytest.raises(ModelFileError, match=words):
+    with pytest.raises(ModelFileError, match="the state of a Delayed"):
         check_state(delay, DelayState(np.array(elapsed), np.array(values)), "x")
 
 
@@ -216,7 +157,7 @@ def test_an_effect_that_another_one_has_taught_lives_in_a_file(tmp_path):
     for stray in ({"inner": 1}, {"_inner_": 1}, [1]):
         effect_of(node, "pair")["learned"] = stray
         (tmp_path / "f.json").write_bytes(signed(rest_of(node)))
-        with pytest.raises(ModelFileError, match="names that end with an underscore"):
+        with pytest.raises(ModelFileError, match=r"names that end with an underscore|an object"):
             load_model(tmp_path / "f.json", allow_imports=[f"{__name__}.Pair"])
 
 
@@ -226,5 +167,5 @@ def test_an_effect_whose_units_have_changed_since_is_refused(tmp_path, monkeypat
     model = DynamicBiasRegressor(time_constants=[300.0], effects=[Pair()]).fit(X, X["humidity"])
     save_model(model, tmp_path / "m.json")
     monkeypatch.setattr(Pair, "units", lambda self: ["K", "K"])
-    with pytest.raises(ModelFileError, match=r"Pair has another number of units than of names"):
+    with pytest.raises(ModelFileError, match="columns"):
         load_model(tmp_path / "m.json", allow_imports=[f"{__name__}.Pair"])

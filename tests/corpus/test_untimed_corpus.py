@@ -33,7 +33,7 @@ def test_a_row_that_no_log_reaches_is_no_state(place, value, untimed_path):
     live.update_many(frame_of(CLEAN[FITTED:])[["temperature"]])
     state = live.state()
     (state if place in state else state["state"])[place] = value
-    with pytest.raises(ModelFileError, match=rf"{place} holds {value} where an integer"):
+    with pytest.raises(ModelFileError, match=place):
         OnlineCorrector.from_state(model, state)
 
 

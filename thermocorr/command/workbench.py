@@ -27,9 +27,7 @@ NEEDS = "The workbench needs the packages starlette and uvicorn: pip install sta
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr workbench`."""
     parser.add_argument(
-        "log",
-        nargs="*",
-        help="a log as for analyze, or the file of a session; without one, a built-in record with a hidden effect",
+        "log", nargs="*", help="a log as for analyze; without one, a built-in record with a hidden effect"
     )
     add_table_options(parser)
     add_column_options(parser)
@@ -58,7 +56,6 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         raise ImportError(NEEDS) from None
     from ..interactive.acts import ModelSettings
     from ..interactive.opening import Opening
-    from ..interactive.takeaway import is_session
 
     check_time_constants(options)
     for path in (*options.log, *([options.effects] if options.effects else [])):
@@ -68,9 +65,8 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             "The workbench begins with one --temperature. Add further thermometers on its page: columns that act late."
         )
     taus = parse_time_constants(options.time_constants)
-    session = options.log[0] if len(options.log) == 1 and is_session(options.log[0]) else ""
     opening = Opening(
-        paths=() if session else tuple(options.log),
+        paths=tuple(options.log),
         how=how_to_read(options),
         join=options.join,
         named={
@@ -84,7 +80,6 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
             max_gap=options.max_gap,
         ),
         own_file=options.effects or "",
-        session=session,
     )
 
     def ready(address: str) -> None:

@@ -13,22 +13,13 @@ from .diagnosis_displays import (
     plot_diagnosis,
     plot_refinement,
 )
-from .model_displays import (
-    BudgetDisplay,
-    ContributionsDisplay,
-    InnerTemperaturesDisplay,
-    SpectrumDisplay,
-    StepResponseDisplay,
-)
-from .residual_displays import AllanDisplay, ResidualLoopDisplay, ResidualsDisplay
+from .model_displays import ContributionsDisplay, SpectrumDisplay, StepResponseDisplay
+from .residual_displays import AllanDisplay, ResidualsDisplay
 
 __all__ = [
     "AllanDisplay",
-    "BudgetDisplay",
     "ContributionsDisplay",
-    "InnerTemperaturesDisplay",
     "RefinementDisplay",
-    "ResidualLoopDisplay",
     "ResidualsDisplay",
     "SpectrumDisplay",
     "StepResponseDisplay",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -11,18 +10,15 @@ import pandas as pd
 
 from ..effects.expressions import follows_temperature
 from ..effects.protocol import Effect
-from ..estimators import Budget
 from ..estimators.time_constants.search import CONFIDENCE_95, UNDETERMINED
 from ..records import Layout, read_record
-from ..records.numbers import quantity_text, scale_of, span_text
+from ..records.numbers import quantity_text
 from ..records.units import difference_unit
 from .axes import (
     BLUE,
     COLOURS,
     GREY,
     ORANGE,
-    PALE,
-    SEQUENTIAL,
     Display,
     TimeLine,
     Walk,
@@ -35,11 +31,9 @@ from .axes import (
     log_time_axis,
     name_runs,
     plain,
-    pyplot,
     regressor_of,
     without_times,
 )
-from .words import each_row
 
 
 @dataclass(eq=False)
@@ -104,80 +98,6 @@ class ContributionsDisplay(Display):
             label_values(axes_.yaxis, "adds", self.unit)
             axes_.set_title(f"{label}: rms {quantity_text(self.rms[label], self.unit)}", loc="left", fontsize=10)
             axes_.tick_params(labelbottom=axes_ is axes[-1])
-        name_runs(axes[0], self.timeline)
-        axes[0].figure.align_ylabels(axes)
-        return self._drawn(axes, axes[0])
-
-
-AMBIENT = "ambient"
-KINDS = ("temperature", "start", "difference")
-DRAWN = ("temperature", "difference")
-
-
-@dataclass(eq=False)
-class InnerTemperaturesDisplay(Display):
-    """Ambient and inner temperatures, and inner less ambient temperature, over time: the darker, the faster."""
-
-    cells: pd.DataFrame
-    timeline: TimeLine
-    time_constants: np.ndarray
-    name: str
-    unit: str
-
-    @classmethod
-    def from_estimator(cls, model: Any, X: Any) -> InnerTemperaturesDisplay:
-        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
-
-        Parameters
-        ----------
-        model : DynamicBiasRegressor
-            Fitted, with lags; or a search with a ``best_estimator_``.
-        X : as for `DynamicBiasRegressor.inner_temperatures`
-
-        Raises
-        ------
-        ValueError
-            For a model without lags.
-        """
-        walk = Walk(model, X)
-        taus = np.asarray(walk.model.time_constants_, float)
-        # Time constants that are drawn, evenly over all
-        chosen = np.unique(np.linspace(0, len(taus) - 1, min(len(taus), 8)).round().astype(int))
-        names = [AMBIENT, *(f"{kind} {span_text(tau)}" for kind in KINDS for tau in taus[chosen])]
-
-        def parts() -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-            for segment, seconds, ambient, inner in walk.inner():
-                each = [part[:, chosen] for part in (inner.temperature, inner.start, inner.difference)]
-                yield segment, seconds, np.column_stack((ambient, *each))
-
-        cells = cells_of(walk.timeline, names, walk.n_rows, parts())
-        return cls(cells, walk.timeline, taus[chosen], walk.temperature_name, walk.model.reading_.temperature_unit)
-
-    def frame(self) -> pd.DataFrame:
-        """The numbers drawn: time, segment, seconds, n, and of each temperature its mean, ``_low`` and ``_high``.
-
-        One row per cell of time; every row of the record up to 4000 rows.
-        """
-        return self.cells.copy()
-
-    def plot(self, ax: Any = None) -> Self:
-        """Draw two panels; `ax` may be one Axes, whose place is divided, or two."""
-        axes = axes_grid(ax, 2, size=(9.0, 5.6), sharex=True)[:, 0]
-        colours = pyplot().get_cmap(SEQUENTIAL)(np.linspace(0.0, 0.9, len(self.time_constants)))
-        draw_cells(axes[0], self.cells, self.timeline, AMBIENT, "0.6", label=AMBIENT)
-        for axes_, kind in zip(axes, DRAWN, strict=True):
-            for tau, colour in zip(self.time_constants, colours, strict=True):
-                label = span_text(tau) if kind == DRAWN[0] else None
-                draw_cells(axes_, self.cells, self.timeline, f"{kind} {span_text(tau)}", colour, label=label)
-            plain(axes_)
-            axes_.margins(x=0.01)
-            dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
-            axes_.tick_params(labelbottom=axes_ is axes[-1])
-        degree = difference_unit(self.unit)
-        said = ((self.name, self.unit), ("inner less ambient", degree))
-        for axes_, (name, unit) in zip(axes, said, strict=True):
-            label_values(axes_.yaxis, name, unit)
-        legend_above(axes[0], ncols=5)
         name_runs(axes[0], self.timeline)
         axes[0].figure.align_ylabels(axes)
         return self._drawn(axes, axes[0])
@@ -418,44 +338,3 @@ def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame |
     if fitted.search_ is None or fitted.search_.spectrum is None:
         return None, None
     return None, pd.DataFrame(fitted.search_.spectrum)
-
-
-@dataclass(eq=False)
-class BudgetDisplay(Display):
-    """Horizontal bars: each quantity's share of the variance, declared ones (type B) paler."""
-
-    budget: Budget
-
-    @classmethod
-    def from_budget(cls, budget: Budget) -> BudgetDisplay:
-        """Create it from what `Uncertainty.budget` or `Uncertainty.mean` gives."""
-        return cls(budget)
-
-    def frame(self) -> pd.DataFrame:
-        """The budget's table, the largest share first."""
-        return self.budget.frame().sort_values("share", ascending=False, ignore_index=True)
-
-    def plot(self, ax: Any = None) -> Self:
-        """Draw in `ax`, or in a new figure."""
-        frame = self.frame()
-        # Share below which a quantity gets no bar: it would print as 0.0 %
-        shown = frame[frame["share"] >= 0.0005]
-        axes = axes_grid(ax, size=(8.0, 1.5 + 0.42 * max(len(shown), 1)))[0]
-        only = axes[0]
-        self._drawn(axes, only)
-        only.set_title(self.budget.result(), loc="left", fontsize=10)
-        percent = 100 * shown["share"]
-        colors = [BLUE if kind == "A" else PALE for kind in shown["type"]]
-        only.barh(range(len(shown)), percent, color=colors, height=0.62)
-        scale = scale_of(shown["contribution"], self.budget.unit)
-        for row, line in enumerate(each_row(shown)):
-            text = f"{100 * line.share:.1f} %, {scale.text(line.contribution, 2)}"
-            only.text(100 * line.share + 1.0, row, text, va="center", fontsize=8)
-        only.set_yticks(range(len(shown)), [f"{line.quantity} ({line.type})" for line in each_row(shown)])
-        only.invert_yaxis()
-        only.set_xlim(0, 125)
-        only.set_xticks(range(0, 101, 20))
-        plain(only)
-        only.grid(False, axis="y")
-        label_values(only.xaxis, "share of the variance; blue: from the data (A), pale: declared (B)", "%")
-        return self

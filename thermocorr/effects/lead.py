@@ -41,13 +41,6 @@ def segment_end(block: Block) -> float:
     return float(elapsed(block, block.record.rows(stop - 1, stop))[0])
 
 
-def parts_of(rows: Any, size: int) -> list[Any]:
-    """Rows in parts of at most `size`: what lies far ahead need not be in memory at once."""
-    if isinstance(rows, slice):
-        return [slice(low, min(low + size, rows.stop)) for low in range(rows.start, rows.stop, size)]
-    return [rows[low : low + size] for low in range(0, len(rows), size)]
-
-
 def elapsed(block: Block, rows: Any) -> np.ndarray:
     """Seconds of rows since the segment of a block began."""
     return np.asarray(block.record.times.seconds(rows, block.segment_zero))

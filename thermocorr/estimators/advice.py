@@ -15,7 +15,7 @@ from ..effects.protocol import Effect
 from ..equations import reduction_db
 from ..records import Record, read_record
 from ..records.errors import printable
-from ..records.history import thinned
+from ..records.history import strided
 from ..records.numbers import Scale, number_text, numeric_reading, scale_of, span_text
 from ..records.screen import screened
 from .averages import COARSE, Averages, averaged, averaged_columns
@@ -331,7 +331,8 @@ def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> f
 
     NaN where the laws of all copies can make the temperature itself.
     """
-    short = thinned(record, {}, PROBED)[0]
+    stride = max(1, -(-record.n_used // PROBED))
+    short = record if stride == 1 else strided(record, stride)
     data = averaged(short, [])
     lags = np.geomspace(short.usual_step() / 2, short.longest_read() / 2, LAGS).tolist()
     groups = np.searchsorted(levels, data.seconds, side="right")

@@ -7,17 +7,16 @@ coefficients and fewer, quieter rows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ..effects.protocol import Effect
-from ..effects.stream import own_starts, walk
+from ..effects.stream import own_starts
 from ..equations import noise
 from ..records import Block, Record
-from ..records.history import Thinned
 
 COARSE = 2_500
 """Stretches on which data not learned from are predicted: the user gains in slow structure, which noise would hide."""
@@ -97,9 +96,8 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
     most = sum(-(-segment.n_rows // width) for segment in record.segments)
     means, n = np.empty((most, edges[-1]), order="F"), 0  # at once: memory in small pieces costs more than its use
     places = [range(low, high) for low, high in pairwise(edges)]
-    exact = [_exact(own, effect, width) for own, effect in pairs]
-    walked = [(*pairs[i], places[i]) for i, known in enumerate(exact) if known is None]
-    at, whole = 0, _reads_every_row(record)
+    walked = [(*pair, place) for pair, place in zip(pairs, places, strict=True)]
+    whole = bool(np.isfinite(np.asarray(record.reading, float).sum()))
     states: list[Any] = []
     for block in record.blocks(_rows(width, rows), starts=own_starts(record)):
         if block.start == record.segments[block.segment].start:
@@ -112,10 +110,6 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
         share_of_one, kept = 1 / np.maximum(count, 1), slice(None) if count.all() else count > 0
         as_it_is = width == 1 and share is None
         first, n = n, n + int(np.count_nonzero(count))
-        at, before = at + len(starts), at
-        for own, known in zip(places, exact, strict=True):
-            if known is not None:
-                means[first:n, own] = known[before:at][kept]
         for i, (own_record, effect, own) in enumerate(walked):
             seen = block if own_record is record else block.of(own_record)
             columns, states[i] = effect.each_column(seen, states[i])
@@ -123,11 +117,6 @@ def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> l
                 averaged = not as_it_is and np.ndim(column) > 0
                 means[first:n, place] = (_summed(column, share, width) * share_of_one)[kept] if averaged else column
     return [means[:n, low:high] for low, high in pairwise(edges)]
-
-
-def _exact(record: Record, effect: Effect, width: int) -> np.ndarray | None:
-    """Averages that the record knows already, see `with_exact`."""
-    return record.exact.get(key_of(effect)) if isinstance(record, Thinned) and record.exact_rows == width else None
 
 
 def _summed(column: np.ndarray, share: np.ndarray | None, width: int) -> np.ndarray:
@@ -148,15 +137,9 @@ def _rows(width: int, rows: int) -> int:
 
 
 def _shares(record: Record, block: Block) -> np.ndarray:
-    """Number of readings that each row of a block represents, shape (n,)."""
+    """1 for each row of a block with a reading, 0 for others, shape (n,)."""
     assert record.reading is not None
-    known = np.isfinite(np.asarray(record.reading[block.rows], float))
-    return np.where(known, record.counts[block.rows].astype(float) if isinstance(record, Thinned) else 1.0, 0.0)
-
-
-def _reads_every_row(record: Record) -> bool:
-    """True if each row stands for one reading."""
-    return not isinstance(record, Thinned) and bool(np.isfinite(np.asarray(record.reading, float).sum()))
+    return np.asarray(np.isfinite(np.asarray(record.reading[block.rows], float)), float)
 
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
@@ -169,29 +152,6 @@ def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
 def key_of(effect: Effect) -> str:
     """An effect with all its parameters, as text."""
     return f"{type(effect).__name__}{sorted(effect.get_params(deep=False).items())}"
-
-
-def with_exact(short: Thinned, record: Record, effects: Sequence[Effect], n_stretches: int) -> Thinned:
-    """A thinned record that knows the averages of these effects' columns, from one pass through the longer one.
-
-    A fast lag of averaged temperatures is not the average of the lag: it would leave an error that looks like noise.
-    """
-    assert record.reading is not None
-    for effect in effects:
-        effect.learn(record)
-    width = stretch_of(short, n_stretches)
-    places = np.concatenate([short.places[segment.start : segment.stop : width] for segment in short.segments])
-    edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
-    sums, counts = np.zeros((len(places), edges[-1])), np.zeros(len(places))
-    for step in walk(effects, record, starts=own_starts(record)):
-        known = np.isfinite(np.asarray(record.reading[step.block.rows], float))
-        place = np.searchsorted(places, step.block.places, side="right") - 1
-        starts = np.flatnonzero(np.diff(place, prepend=-1))
-        sums[place[starts]] += np.add.reduceat(step.columns * known[:, None], starts, axis=0)
-        counts[place[starts]] += np.add.reduceat(known.astype(float), starts)
-    sums /= np.maximum(counts, 1)[:, None]
-    exact = {key_of(effect): sums[:, low:high] for effect, (low, high) in zip(effects, pairwise(edges), strict=True)}
-    return replace(short, exact=exact, exact_rows=width)
 
 
 def spans(data: Averages, record: Record) -> np.ndarray:

@@ -273,7 +273,8 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
             inputs = {name: limits for name, limits in self.screen_.inputs.items() if name in needed}
             left.screen_ = replace(self.screen_, inputs=inputs)
         record = replace(history.record, columns=columns)
-        left.history_ = replace(history, record=record, end_states=ends, screen=left.screen_)
+        ranges = {name: history.ranges[name] for name in columns}
+        left.history_ = replace(history, record=record, end_states=ends, screen=left.screen_, ranges=ranges)
         return left
 
     def thermometers(self) -> Thermometers:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ from sklearn.utils.validation import _num_samples, validate_data
 from ..effects.grids import since_start
 from ..records import Layout, Log, Record, RecordError, read_record
 from ..records.errors import quoted, times_word, warn
+from ..records.hints import Number, Size, within
 from ..records.labels import refuse_labels_of_rows
 from ..records.numbers import as_data, as_pandas, check_same_rows, is_frame, numeric_reading
 from ..records.screen import WeightedReading
@@ -98,11 +99,11 @@ class Reading:
     name: str
     unit: str
     temperature_unit: str
-    n_readings: int
-    mean: float
-    std: float
-    temperature_range: tuple[float, float]
-    temperature_gaps: tuple[tuple[float, float], ...] = ()
+    n_readings: Annotated[int, within(1, 1 << 53)]
+    mean: Number
+    std: Size
+    temperature_range: tuple[Number, Number]
+    temperature_gaps: tuple[tuple[Number, Number], ...] = ()
     """Stretches of that range in which no row was, and the static law is not known, see
     `thermocorr.estimators.coverage`."""
     unit_named: bool = True

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ..records import Record
-from ..records.history import Thinned
 
 LEAST_MOVED = 0.05
 """Least move of a copy, as a share of the record."""
@@ -27,8 +26,6 @@ def moved(record: Record, names: Collection[Any]) -> Iterator[Record]:
     whole = {name: np.asarray(record.columns[name], float) for name in names}
     rows = (np.arange(record.n_rows) if record.order is None else record.order)[: record.n_used]
     rows = rows[np.logical_and.reduce([np.isfinite(column[rows]) for column in whole.values()])]
-    if isinstance(record, Thinned):
-        record = replace(record, exact={})
     every = len(rows) == record.n_rows  # the same numbers in another order
     stays = {of: moments for of, moments in record.known_moments.items() if every or of[0] not in names}
     # Copies that a column is compared with

@@ -32,12 +32,7 @@ class UnitGuard:
     @classmethod
     def of(cls, model: Any) -> UnitGuard:
         """Guard of a fitted `DynamicBiasRegressor`."""
-        kept, (ambient, *further) = model.features_.history_.record, model.thermometers_
-        ranges = {ambient: model.reading_.temperature_range}
-        for name in further:
-            values = np.delete(kept.columns[name], kept.skipped)
-            ranges[name] = (float(values.min()), float(values.max()))
-        return cls(model.reading_, ranges)
+        return cls(model.reading_, {name: model.features_.history_.ranges[name] for name in model.thermometers_})
 
     def check_readings(self, y: Any, X: Any) -> None:
         """Compare the unit of readings with that of the fitted ones; nothing where they have no name."""

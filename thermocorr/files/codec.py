@@ -1,4 +1,4 @@
-"""Python values as JSON and back, bit for bit, without ever running what a file says."""
+"""Python values as JSON and back by their type hints, bit for bit, without ever running what a file says."""
 
 from __future__ import annotations
 
@@ -7,39 +7,39 @@ import math
 import re
 import reprlib
 import stat
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import fields as fields_of
+from dataclasses import is_dataclass
 from datetime import date, datetime, timedelta
+from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pandas as pd
 
 from ..effects.signals import DelayState
 from ..equations import LagState
-from ..records.grammar import LARGEST
 
 LARGEST_FILE = 32 << 20
 """Bytes of a file of a model or state; a longer one is refused before it is read."""
-MOST_BRACKETS = 200_000
-"""Lists and objects in such a file: each takes some hundred bytes of memory, however short it is in the file."""
-MOST_VALUES = 9_000_000
-"""Values in such a file: each takes its time, however short it is in the file."""
-MOST_STATE = LARGEST**3
-"""Bound of the numbers in a state, which hold powers of columns."""
+MOST_BRACKETS, MOST_VALUES = 200_000, 9_000_000
+"""Lists and objects, and values, in such a file: each takes memory and time, however short it is in the file."""
 LARGEST_INTEGER = 1 << 63
 LONGEST_TEXT = 10_000
-_LARGE = re.compile(rb"[0-9]{19}|[eE]\+?[0-9]{3}")
-"""What numbers have that may be too large: all others need not be looked at one by one."""
+_SURROGATE = re.compile("[\ud800-\udfff]")
+"""Halves of characters: no text has them alone."""
+_STATES: dict[str, Any] = {"LagState": LagState, "DelayState": DelayState}
+_DTYPES = ("float64", "float32", "int64", "int32", "bool")
+_LOOSE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _BRIEF = reprlib.Repr()
 _BRIEF.maxlist = _BRIEF.maxdict = _BRIEF.maxtuple = 30
 _BRIEF.maxstring = _BRIEF.maxlong = _BRIEF.maxother = 80
-_SURROGATE = re.compile("[\ud800-\udfff]")
-"""Halves of characters: no text has them alone."""
-_STATES: dict[str, type[LagState | DelayState]] = {"LagState": LagState, "DelayState": DelayState}
-_DTYPES = ("float64", "float32", "int64", "int32", "bool")
+
+Codec = Callable[[Any, str], Any] | None
+"""Writes or reads an effect that stands among other values."""
 
 
 class ModelFileError(ValueError):
@@ -49,7 +49,141 @@ class ModelFileError(ValueError):
     """What to do about a file that cannot be loaded."""
 
 
-def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
+def unexpected(where: str, found: str, wanted: str = "") -> ModelFileError:
+    """The error for something in a file that does not belong there."""
+    return ModelFileError(f"{where} holds {found}{f' where {wanted} belongs' if wanted else ', which is unknown'}")
+
+
+def shown(value: Any) -> str:
+    """A value in few characters."""
+    text = _BRIEF.repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+# ------------------------------------------------------------------------------------------------------- by type hints
+
+
+@cache
+def hints_of(cls: type) -> dict[str, Any]:
+    """Fields of a dataclass that a file holds, and their hints: all but those that are not compared."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {field.name: hints[field.name] for field in fields_of(cls) if field.compare}
+
+
+def write(hint: Any, value: Any, where: str, effect: Codec = None) -> Any:
+    """A value as JSON, as its type hint says."""
+    if get_origin(hint) is Annotated:
+        return write(get_args(hint)[0], value, where, effect)
+    origin, args = get_origin(hint), get_args(hint)
+    if value is None:
+        return None
+    if origin in (Union, UnionType) and NoneType in args:
+        return write(next(arg for arg in args if arg is not NoneType), value, where, effect)
+    if is_dataclass(hint):
+        return {
+            name: write(of, getattr(value, name), f"{where}.{name}", effect)
+            for name, of in hints_of(hint).items()  # type: ignore[arg-type]
+        }
+    if hint is np.ndarray:
+        return np.asarray(value, float).tolist()
+    if origin in (tuple, list):
+        parts = args if origin is tuple and args[1:] != (...,) else args[:1] * len(value)
+        return [write(part, one, where, effect) for part, one in zip(parts, value, strict=True)]
+    if origin is dict and args[0] is str:
+        return {key: write(args[1], one, f"{where}.{key}", effect) for key, one in value.items()}
+    if origin is dict:
+        return [[write(args[0], key, where), write(args[1], one, where, effect)] for key, one in value.items()]
+    if hint is float:
+        return float(value) if math.isfinite(value) else repr(float(value))
+    if hint in (int, bool):
+        return hint(value)
+    if effect is not None and hasattr(hint, "get_params"):
+        return effect(value, where)
+    return pack(value, where, effect)
+
+
+def read(hint: Any, node: Any, where: str, effect: Codec = None) -> Any:
+    """The value that `write` wrote under the same hint; ModelFileError for anything else."""
+    if get_origin(hint) is Annotated:
+        hint, *limits = get_args(hint)
+        value = _read(hint, node, where, effect)
+        for limit in limits:
+            if not limit.holds(value):
+                raise unexpected(where, shown(node), limit.wanted)
+        return value
+    return _read(hint, node, where, effect)
+
+
+def read_fields(cls: Any, node: Any, where: str, effect: Codec = None) -> dict[str, Any]:
+    """The fields of a dataclass."""
+    hints = hints_of(cls)
+    node = fields(node, where, hints)
+    return {name: read(hint, node[name], f"{where}.{name}", effect) for name, hint in hints.items()}
+
+
+def _read(hint: Any, node: Any, where: str, effect: Codec) -> Any:
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        if node is None and NoneType in args:
+            return None
+        kinds = [arg for arg in args if arg is not NoneType]
+        return read(next((kind for kind in kinds if kind is type(node)), kinds[0]), node, where, effect)
+    if is_dataclass(hint):
+        given = read_fields(hint, node, where, effect)
+        try:
+            return hint(**given)  # type: ignore[operator]
+        except (ValueError, TypeError) as error:
+            raise ModelFileError(f"{where}: {error}") from None
+    if hint is np.ndarray:
+        return array(node, where)
+    if origin in (tuple, list):
+        parts = args if origin is tuple and args[1:] != (...,) else args[:1] * len(items(node, where))
+        found = zip(parts, items(node, where, len(parts)), strict=True)
+        return origin(read(part, one, f"{where}[{i}]", effect) for i, (part, one) in enumerate(found))
+    if origin is dict and args[0] is str:
+        return {key: read(args[1], one, f"{where}.{key:.60}", effect) for key, one in fields(node, where).items()}
+    if origin is dict:
+        pairs = [items(pair, f"{where}[{i}]", 2) for i, pair in enumerate(items(node, where))]
+        result = {
+            read(args[0], key, f"{where}[{i}]"): read(args[1], one, f"{where}[{i}]", effect)
+            for i, (key, one) in enumerate(pairs)
+        }
+        if len(result) < len(pairs):
+            raise unexpected(where, "a key twice", "keys that stand once")
+        return result
+    if origin is Literal:
+        if type(node) is not type(args[0]) or node not in args:
+            raise unexpected(where, shown(node), f"one of {', '.join(map(str, args))}")
+        return node
+    if hint is float and isinstance(node, str) and node in _LOOSE:
+        return _LOOSE[node]
+    if hint in (float, int, bool):
+        if type(node) is not hint:
+            raise unexpected(where, shown(node), {float: "a number", int: "an integer", bool: "true or false"}[hint])
+        return node
+    if hint is str:
+        return text(node, where)
+    if effect is not None and hasattr(hint, "get_params"):
+        return effect(node, where)
+    return unpack(node, where, effect)
+
+
+def array(node: Any, where: str) -> np.ndarray:
+    """A list of floats, or of lists of as many floats each, as an array."""
+    rows = items(node, where)
+    if rows and isinstance(rows[0], list):
+        width = len(rows[0])
+        return np.array([array(items(row, f"{where}[{i}]", width), where) for i, row in enumerate(rows)])
+    for i, one in enumerate(rows):
+        if type(one) is not float:
+            raise unexpected(f"{where}[{i}]", shown(one), "a number")
+    return np.array(rows, float)
+
+
+# --------------------------------------------------------------------------------------------------- values of any kind
+
+
+def pack(value: Any, where: str, effect: Codec = None) -> Any:
     """A value as JSON: numbers with all their digits, everything that JSON does not know under a ``$`` name.
 
     `value` (object): None, bool, number, text, list, tuple, dict, numeric array, time span, date, or a state of the
@@ -68,20 +202,15 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
         return value if math.isfinite(value) else {"$float": repr(value)}
     if type(value) is list:
         return [pack(item, f"{where}[{i}]", effect) for i, item in enumerate(value)]
+    for name, state in _STATES.items():
+        if isinstance(value, state):
+            return {f"${name}": [pack(item, f"{where}.{name}", effect) for item in value]}
     if type(value) is tuple:
         return {"$tuple": [pack(item, f"{where}[{i}]", effect) for i, item in enumerate(value)]}
     if type(value) is dict:
-        if all(isinstance(key, str) and not key.startswith("$") for key in value):
-            return {key: pack(item, f"{where}.{key}", effect) for key, item in value.items()}
         return {"$dict": [[pack(k, where, effect), pack(v, f"{where}[{k!r}]", effect)] for k, v in value.items()]}
-    for name, state in _STATES.items():
-        if isinstance(value, state):
-            return {"$state": name, "values": [pack(item, f"{where}.{name}", effect) for item in value]}
     if isinstance(value, np.ndarray) and value.dtype.name in _DTYPES:
-        flat = [pack(item, where) for item in value.ravel().tolist()]
-        if value.dtype == np.float64 and value.ndim == 1:
-            return {"$array": flat}
-        return {"$array": flat, "dtype": value.dtype.name, "shape": list(value.shape)}
+        return {"$array": [value.dtype.name, pack(value.tolist(), where)]}
     if isinstance(value, datetime | np.datetime64) and not pd.isna(value):
         return {"$date": _date_text(pd.Timestamp(value))}
     if type(value) is date:
@@ -89,10 +218,10 @@ def pack(value: Any, where: str, effect: Callable[[Any, str], Any] | None = None
     if isinstance(value, timedelta | np.timedelta64) and not pd.isna(value):
         return {"$span": int(pd.Timedelta(value).value)}
     if effect is not None:
-        return effect(value, where)
+        return {"$effect": effect(value, where)}
     raise ModelFileError(
         f"{where} is a {type(value).__name__}, which has no place in a model file: numbers, text, dates, lists, dicts "
-        "and numeric arrays do."
+        "and arrays of floats do."
     )
 
 
@@ -102,199 +231,95 @@ def _date_text(date: pd.Timestamp) -> str:
     return (date if offset is None or offset.total_seconds() % 60 == 0 else date.tz_convert("UTC")).isoformat()
 
 
-def unpack(node: Any, where: str, effect: Callable[[Any, str], Any] | None = None) -> Any:
+def unpack(node: Any, where: str, effect: Codec = None) -> Any:
     """The value that `pack` wrote; raises ModelFileError for anything else."""
-    if node is None or isinstance(node, bool | int | float | str):
+    if isinstance(node, str):
+        return text(node, where)
+    if node is None or isinstance(node, bool | int | float):
         return node
     if isinstance(node, list):
         return [unpack(item, f"{where}[{i}]", effect) for i, item in enumerate(node)]
-    assert isinstance(node, dict)
-    tags = [key for key in node if key.startswith("$")]
-    if not tags:
-        return {key: unpack(item, f"{where}.{key:.60}", effect) for key, item in node.items()}
-    tag = tags[0]
-    allowed = {"$array": {"$array", "dtype", "shape"}, "$state": {"$state", "values"}}.get(tag, {tag})
-    if set(node) - allowed:
-        raise unexpected(where, f"the keys {_shown(sorted(node))}")
-    content = node[tag]
-    if tag == "$float" and isinstance(content, str) and content in ("nan", "inf", "-inf"):
-        return float(content)
-    if tag == "$tuple" and isinstance(content, list):
-        return tuple(unpack(item, f"{where}[{i}]", effect) for i, item in enumerate(content))
-    if tag == "$dict" and isinstance(content, list):
-        return _unpack_dict(content, where, effect)
-    if tag == "$array":
-        return _unpack_array(node, where)
-    if tag == "$state" and isinstance(content, str) and content in _STATES:
-        return _unpack_state(_STATES[content], node.get("values"), where)
-    if tag == "$date" and isinstance(content, str) and len(content) < 60:
-        return _unpack_date(content, where)
-    if tag == "$day" and isinstance(content, str) and len(content) < 60:
-        return _unpack_date(content, where).date()
-    if tag == "$span" and type(content) is int and abs(content) < LARGEST_INTEGER:
-        return pd.Timedelta(content, unit="ns")
-    if tag == "$effect" and effect is not None:
-        return effect(content, f"{where}.$effect")
-    raise unexpected(where, f"{tag:.60} with {_shown(content)}")
+    tag, content = next(iter(node.items()), ("", None))
+    if len(node) == 1:
+        if tag == "$float" and isinstance(content, str) and content in _LOOSE:
+            return _LOOSE[content]
+        if tag == "$tuple":
+            return tuple(unpack(item, f"{where}[{i}]", effect) for i, item in enumerate(items(content, where)))
+        if tag == "$dict":
+            pairs = [items(pair, f"{where}[{i}]", 2) for i, pair in enumerate(items(content, where))]
+            if all(type(key) in (str, int) for key, _ in pairs):
+                return {key: unpack(item, f"{where}[{shown(key)}]", effect) for key, item in pairs}
+        if tag == "$array":
+            dtype, values = items(content, where, 2)
+            return np.array(unpack(values, where), read(Literal[_DTYPES], dtype, where))
+        if tag[1:] in _STATES:
+            state = _STATES[tag[1:]]
+            return state(*(unpack(one, where) for one in items(content, where, len(state._fields))))
+        if tag in ("$date", "$day") and isinstance(content, str) and len(content) < 60:
+            moment = _date(content, where)
+            return moment if tag == "$date" else moment.date()
+        if tag == "$span" and type(content) is int and abs(content) < LARGEST_INTEGER:
+            return pd.Timedelta(content, unit="ns")
+        if tag == "$effect" and effect is not None:
+            return effect(content, f"{where}.$effect")
+    raise unexpected(where, shown(node))
 
 
-def _unpack_dict(pairs: list[Any], where: str, effect: Callable[[Any, str], Any] | None) -> dict[Any, Any]:
-    result: dict[Any, Any] = {}
-    for i, pair in enumerate(pairs):
-        if not (isinstance(pair, list) and len(pair) == 2 and type(pair[0]) in (str, int)) or pair[0] in result:
-            raise unexpected(f"{where}[{i}]", _shown(pair), "a key that stands once and its value")
-        result[pair[0]] = unpack(pair[1], f"{where}[{pair[0]!r:.60}]", effect)
-    return result
-
-
-def _unpack_array(node: dict[str, Any], where: str) -> np.ndarray:
-    flat, dtype, shape = node["$array"], node.get("dtype", "float64"), node.get("shape")
-    if dtype not in _DTYPES:
-        raise unexpected(f"{where}.dtype", _shown(dtype), f"one of {', '.join(_DTYPES)}")
-    if not isinstance(flat, list):
-        raise unexpected(where, _shown(flat), "a list of numbers")
-    kind: type = {"f": float, "i": int, "b": bool}[np.dtype(dtype).kind]
-    values = [item if type(item) is not dict else unpack(item, f"{where}[{i}]") for i, item in enumerate(flat)]
-    for i, item in enumerate(values):
-        if type(item) is not kind:
-            raise unexpected(f"{where}[{i}]", _shown(item), f"a {kind.__name__}")
-    if shape is None:
-        shape = [len(flat)]
-    sizes = isinstance(shape, list) and all(type(size) is int and 0 <= size < 1 << 40 for size in shape)
-    if not sizes or len(shape) > 8 or math.prod(shape) != len(flat):
-        raise unexpected(f"{where}.shape", _shown(shape), f"the shape of {len(flat)} numbers")
-    if kind is int and values and not np.iinfo(dtype).min <= min(values) <= max(values) <= np.iinfo(dtype).max:
-        raise unexpected(where, "numbers", f"numbers within the range of {dtype}")  # old versions of NumPy wrap them
-    return np.array(values, dtype=dtype).reshape(shape)
-
-
-def _unpack_state(state: Any, values: Any, where: str) -> Any:
-    if not isinstance(values, list) or len(values) != len(state._fields):
-        raise unexpected(where, _shown(values), f"the values of a {state.__name__}")
-    parts = [unpack(item, f"{where}.values[{i}]") for i, item in enumerate(values)]
-    for part, name in zip(parts, state._fields, strict=True):
-        if state is LagState and name == "temperature":
-            if type(part) is not float:
-                raise unexpected(f"{where}.{name}", _shown(part), "a float")
-        elif type(part) is not np.ndarray or part.ndim != 1 or part.dtype != np.float64:
-            raise unexpected(f"{where}.{name}", _shown(part), "a ndarray")
-    return state(*parts)
-
-
-def _unpack_date(text: str, where: str) -> pd.Timestamp:
+def _date(text: str, where: str) -> pd.Timestamp:
     try:
-        date: pd.Timestamp | None = pd.Timestamp(text)
+        moment: pd.Timestamp | None = pd.Timestamp(text)
     except (ValueError, TypeError, OverflowError):
-        date = None
-    if date is None or pd.isna(date):
-        raise unexpected(where, _shown(text), "a date such as 2024-05-31T14:00:00")
-    return date
-
-
-def unexpected(where: str, found: str, wanted: str = "") -> ModelFileError:
-    """The error for something in a file that does not belong there."""
-    return ModelFileError(f"{where} holds {found}{f' where {wanted} belongs' if wanted else ', which is unknown'}")
-
-
-def _shown(value: Any) -> str:
-    text = _BRIEF.repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+        moment = None
+    if moment is None or pd.isna(moment):
+        raise unexpected(where, shown(text), "a date such as 2024-05-31T14:00:00")
+    return moment
 
 
 # -------------------------------------------------------------------------------------------- checks of what was read
 
 
-def fields(node: Any, where: str, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A JSON object with exactly these keys."""
+def fields(
+    node: Any, where: str, required: Iterable[str] | None = None, optional: Iterable[str] = ()
+) -> dict[str, Any]:
+    """A JSON object; with exactly these keys, where they are given."""
     if not isinstance(node, dict):
-        raise unexpected(where, _shown(node), "an object")
-    missing = [key for key in required if key not in node]
-    if missing:
-        raise ModelFileError(f"{where} has no {missing[0]!r}")
-    foreign = sorted(set(node) - set(required) - set(optional))
+        raise unexpected(where, shown(node), "an object")
+    for key in required or ():
+        if key not in node:
+            raise ModelFileError(f"{where} has no {key!r}")
+    foreign = [] if required is None else sorted({*node} - {*required} - {*optional})
     if foreign:
-        raise unexpected(where, f"the key {_shown(foreign[0])}")
+        raise unexpected(where, f"the key {shown(foreign[0])}")
     return node
 
 
 def number(value: Any, where: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """A finite float between `low` and `high`, both allowed."""
-    if type(value) not in (float, int) or not (low <= value <= high and abs(value) <= sys.float_info.max):
+    """A finite number between `low` and `high`, both allowed."""
+    if type(value) not in (float, int) or not (low <= value <= high and abs(value) <= 1e308):
         limits = "" if low == -math.inf and high == math.inf else f" from {low:g} to {high:g}"
-        raise unexpected(where, _shown(value), f"a number{limits}")
-    return float(value)
-
-
-def positive(value: Any, where: str) -> float:
-    """A float above zero, as large as a measurement may be."""
-    if number(value, where, 0.0, LARGEST) == 0.0:
-        raise unexpected(where, _shown(value), "a positive number")
+        raise unexpected(where, shown(value), f"a number{limits}")
     return float(value)
 
 
 def integer(value: Any, where: str, low: int = -LARGEST_INTEGER, high: int = LARGEST_INTEGER) -> int:
     """An integer between `low` and `high`, both allowed."""
     if type(value) is not int or not low <= value <= high:
-        raise unexpected(where, _shown(value), f"an integer from {low} to {high}")
+        raise unexpected(where, shown(value), f"an integer from {low} to {high}")
     return value
-
-
-def counted(value: Any, where: str, low: int = 0) -> int:
-    """A number of rows, lines or bytes, `low` at least: one that can go on counting."""
-    # Rows, lines or bytes that are counted: a float counts as far, no log reaches it, and any log may follow
-    return integer(value, where, low, 1 << 53)
 
 
 def text(value: Any, where: str) -> str:
     """Text of a reasonable length."""
     if not isinstance(value, str) or len(value) > LONGEST_TEXT or _SURROGATE.search(value):
-        raise unexpected(where, _shown(value), f"text of at most {LONGEST_TEXT} characters")
-    return value
-
-
-def name(value: Any, where: str) -> str | int:
-    """Name or number of a column."""
-    return integer(value, where, 0) if type(value) is int else text(value, where)
-
-
-def label(value: Any, where: str) -> Any:
-    """Label of a run: None, text, a number, true or false, a date or a span, several of these."""
-    if type(value) is tuple:
-        return tuple(label(part, where) for part in value)
-    if not (value is None or isinstance(value, bool | int | float | str | date | pd.Timedelta)) or value != value:
-        raise unexpected(where, _shown(value), "a label (text, a number, a date)")
+        raise unexpected(where, shown(value), f"text of at most {LONGEST_TEXT} characters")
     return value
 
 
 def items(value: Any, where: str, length: int | None = None) -> list[Any]:
     """A list, of a given length where one is given."""
     if not isinstance(value, list) or (length is not None and len(value) != length):
-        raise unexpected(where, _shown(value), "a list" if length is None else f"a list of {length}")
+        raise unexpected(where, shown(value), "a list" if length is None else f"a list of {length}")
     return value
-
-
-def numbers(
-    value: Any, where: str, length: int | None = None, low: float = -math.inf, high: float = math.inf
-) -> np.ndarray:
-    """A list of finite numbers between `low` and `high`, as an array; of a given length where one is given."""
-    found = enumerate(items(value, where, length))
-    return np.array([number(one, f"{where}[{i}]", low, high) for i, one in found], float)
-
-
-def vector(
-    value: Any, where: str, length: int | None = None, most: float = math.inf, missing: Sequence[int] | np.ndarray = ()
-) -> np.ndarray:
-    """A one-dimensional array of floats up to `most`, of a given length where one is given.
-
-    NaN may stand where a value may be `missing`; elsewhere all are finite.
-    """
-    right = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
-    if right:
-        finite = np.isfinite(value) & (abs(value) <= most)
-        right = bool((finite | np.isnan(value) & np.isin(np.arange(len(value)), missing)).all())
-    if not right or (length is not None and len(value) != length):
-        raise unexpected(where, _shown(value), f"an array of {'' if length is None else f'{length} '}finite numbers")
-    return np.asarray(value)
 
 
 # --------------------------------------------------------------------------------------------------- JSON, strictly
@@ -315,55 +340,18 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """JSON as `render` writes it: no duplicate keys, no NaN, no number beyond a float."""
-    brackets = content.count(b"[") + content.count(b"{")
-    if brackets > MOST_BRACKETS:
-        raise ModelFileError(f"it has {brackets} lists and objects, more than any file of thermocorr ({MOST_BRACKETS})")
-    values = content.count(b",")
-    if values > MOST_VALUES:
-        raise ModelFileError(f"it has {values} values, more than any file of thermocorr ({MOST_VALUES})")
-    checks: dict[str, Any] = {"parse_float": _finite, "parse_int": _moderate} if _LARGE.search(content) else {}
+    """A JSON object whose size is known before it is read; what it means is not asked."""
+    for count, most, what in (
+        (content.count(b"[") + content.count(b"{"), MOST_BRACKETS, "lists and objects"),
+        (content.count(b","), MOST_VALUES, "values"),
+    ):
+        if count > most:
+            raise ModelFileError(f"it has {count} {what}, more than any file of thermocorr ({most})")
     try:
-        node = json.loads(
-            content.decode("utf-8"), object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant, **checks
-        )
-    except UnicodeDecodeError as error:
-        raise ModelFileError(f"byte {error.start} is not text in UTF-8") from None
-    except json.JSONDecodeError as error:
-        raise ModelFileError(f"line {error.lineno}, column {error.colno}: this is not JSON ({error.msg})") from None
-    except RecursionError:
-        raise ModelFileError("its lists and objects are nested too deeply") from None
-    if not isinstance(node, dict):
-        raise unexpected("$", _shown(node), "an object")
-    return node
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        seen: set[str] = set()
-        for key, _ in pairs:
-            if key in seen:
-                raise ModelFileError(f"the key {_shown(key)} stands twice in one object")
-            seen.add(key)
-    return result
-
-
-def _finite(digits: str) -> float:
-    value = float(digits)
-    if not math.isfinite(value):
-        raise ModelFileError(f"the number {_shown(digits)} is too large")
-    return value
-
-
-def _moderate(digits: str) -> int:
-    if len(digits) > 20 or abs(int(digits)) >= LARGEST_INTEGER:
-        raise ModelFileError(f"the integer {_shown(digits)} is too large")
-    return int(digits)
-
-
-def _refuse_constant(constant: str) -> Any:
-    raise ModelFileError(f"{constant} is not a number in JSON")
+        node = json.loads(content)
+    except (ValueError, RecursionError) as error:  # no text, no JSON, an integer of thousands of digits
+        raise ModelFileError(f"it is not JSON: {error}") from None
+    return fields(node, "$")
 
 
 def render(node: Any, depth: int = 0) -> str:
@@ -372,6 +360,6 @@ def render(node: Any, depth: int = 0) -> str:
     if isinstance(node, dict) and any(isinstance(value, dict | list) for value in node.values()):
         inside = [f"{pad}{json.dumps(key)}: {render(value, depth + 1)}" for key, value in node.items()]
         return "{\n" + ",\n".join(inside) + f"\n{' ' * depth}}}"
-    if isinstance(node, list) and any(isinstance(value, dict | list) for value in node):
+    if isinstance(node, list) and any(isinstance(value, dict) for value in node):
         return "[\n" + ",\n".join(f"{pad}{render(value, depth + 1)}" for value in node) + f"\n{' ' * depth}]"
     return json.dumps(node, allow_nan=False)

@@ -1,7 +1,8 @@
 """A fitted model as a JSON file: every digit, no pickle, nothing that runs when it is read.
 
 What `predict`, `correct`, `flags`, rows that follow on the fitted record and `OnlineCorrector` need is in it, and where
-it all came from. Reading checks a digest of the content first, and then the type, length and range of every value.
+it all came from. Reading checks a digest first, then every value by its type hint, then that the parts belong together;
+a file is taken only if the model that was read would be written as the same bytes.
 """
 
 from __future__ import annotations
@@ -11,26 +12,44 @@ import os
 import platform
 import re
 import textwrap
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
+from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..estimators import DynamicBiasRegressor
-from ..records import History, read_record
+from ..effects import StaticPolynomial, ThermalLag
+from ..effects.protocol import Effect
+from ..effects.stream import needed_columns, own_starts, walk
+from ..effects.wrap import as_effects
+from ..estimators import DiffusiveFeatures, DynamicBiasRegressor, MergedRidge
+from ..estimators.reading import Reading
+from ..estimators.run_levels import RunLevels
+from ..estimators.thermometers import Thermometer
+from ..estimators.uncertainty.joint import JointErrors
+from ..records import History, Record, Segment, read_record, seconds_of
+from ..records.gaps import Gaps
+from ..records.grammar import LARGEST
+from ..records.hints import Column, Counted, Large, Loose, Number, Positive, RunLabel, Size, Stamp, Vector
+from ..records.history import HEAD
 from ..records.numbers import numeric_reading
+from ..records.read import temperature_column
+from ..records.screen import Screen
+from ..records.times import EARLIEST, LATEST, Kind, Times
 from . import write_file
-from .codec import LARGEST_FILE, ModelFileError, fields, integer, parse, read_bytes, render
-from .effect_nodes import EffectCodec
-from .model_nodes import pack_model, unpack_model
+from .codec import LARGEST_FILE, ModelFileError, fields, parse, read, read_bytes, read_fields, render, write
+from .effect_nodes import EffectCodec, check_state
 
 FORMAT = "thermocorr model"
 VERSION = 1
-HISTORY_ROWS = 4096
-"""Rows of the fitted record that a file keeps unless it is told otherwise."""
+WRONG = (ValueError, TypeError, AttributeError, LookupError, ArithmeticError, StopIteration)
+"""Errors that parts of a model raise which do not belong together."""
 _HEAD = re.compile(rb'\{"format": "thermocorr model", "version": ([0-9]{1,9}), "digest": "(sha256:[0-9a-f]{64})",\n')
 """First line of a file; the digest is that of all bytes behind it."""
 
@@ -41,15 +60,92 @@ class LaterVersionError(ModelFileError):
     remedy = "Update thermocorr: pip install -U thermocorr."
 
 
+# --------------------------------------------------------------------------------------------------- what a file holds
+
+
+@dataclass(frozen=True)
+class SegmentNode:
+    """A fitted segment: how many kept rows end with it, its run, and the states of all effects at its end."""
+
+    stop: Counted
+    run: RunLabel
+    end_states: list[Any]
+
+
+@dataclass(frozen=True)
+class HistoryNode:
+    """The first rows and the last one of each fitted segment, and what is known of all others."""
+
+    kind: Kind
+    rows: Counted
+    usual_step: Positive
+    max_gap: Positive | None
+    ticks_per_second: Literal[1, 1_000, 1_000_000, 1_000_000_000]
+    period: Positive
+    temperature: Column
+    segments: list[SegmentNode]
+    ticks: list[Stamp]
+    columns: dict[Column, Vector]
+    ranges: dict[Column, tuple[Number, Number]]
+    screen: Screen | None
+    gaps: Gaps
+
+
+@dataclass(frozen=True)
+class WiderNode:
+    """An effect that stands for one of the model with more time constants, in its errors."""
+
+    place: Counted
+    effect: Effect
+    end_states: list[Any]
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect of a model, and its name."""
+
+    name: str
+    effect: Effect
+
+
+@dataclass(frozen=True)
+class ModelNode:
+    """All that a fitted model is."""
+
+    parameters: dict[str, Any]
+    columns: list[str]
+    intercept: Large
+    coefficients: list[Large]
+    standard_errors: list[Size]
+    alpha: Size
+    rank: Counted
+    residual_std: Size
+    washout: Size
+    ranges: list[tuple[Loose, Loose]]
+    reading: Reading
+    notes: list[str]
+    n_features_in: Counted
+    feature_names_in: list[str] | None
+    effects: list[NamedEffect]
+    history: HistoryNode
+    wider: list[WiderNode]
+
+
+# ------------------------------------------------------------------------------------------------------------- to write
+
+
 def save(
     model: DynamicBiasRegressor,
     path: str | os.PathLike[str],
     *,
-    history_rows: int | None = HISTORY_ROWS,
     data: tuple[Any, Any] | None = None,
     force: bool = False,
 ) -> Path:
     """Write a fitted model to a JSON file.
+
+    Of the fitted record it holds the first rows and the last one of each segment. Rows that repeat the record from the
+    start of a segment, or follow on it, are corrected as by the model itself; rows that begin in the middle of a
+    segment start afresh, and are flagged "washout".
 
     Parameters
     ----------
@@ -57,14 +153,8 @@ def save(
         Fitted. Its effects may be those of the catalogue, or your own if they can be imported.
     path : str or Path
         Written as a whole, or left as it was if anything goes wrong. A file that is there is refused, unless forced.
-    history_rows : int or None, default 4096
-        Rows of the fitted record to keep. They serve one thing: new data that *begin in the middle* of the fitted
-        record take their states from them, exactly where the record has no more rows than this, else with the
-        temperature as a straight line between kept rows; they are known by the kept rows among them. Data that repeat
-        the fitted record from the start of a segment, or follow on it, are exact always. None keeps all that the model
-        has.
     data : (X, y), optional
-        The record that the model was fitted to: its digest is noted in the file. Without it, that of the kept rows is.
+        The record that the model was fitted to: its digest is noted in the file.
     force : bool, default False
         Overwrite a file that is there already.
 
@@ -82,23 +172,26 @@ def save(
     TypeError
         For something else than a `DynamicBiasRegressor`.
     """
-    return write_file(path, content_of(model, history_rows=history_rows, data=data), force=force)
+    return write_file(path, content_of(model, data=data), force=force)
 
 
-def content_of(
-    model: DynamicBiasRegressor, *, history_rows: int | None = HISTORY_ROWS, data: tuple[Any, Any] | None = None
-) -> bytes:
+def content_of(model: DynamicBiasRegressor, *, data: tuple[Any, Any] | None = None) -> bytes:
     """The bytes of the model file that `save` writes."""
     if not isinstance(model, DynamicBiasRegressor):
         raise TypeError(f"Only a DynamicBiasRegressor can be saved as a model file. Got {type(model).__name__}.")
     check_is_fitted(model, "pipeline_")
-    if history_rows is not None and history_rows < 1:
-        raise ValueError(f"The 'history_rows' parameter must be at least 1, or None. Got {history_rows!r} instead.")
-    content = signed({"provenance": _provenance(model, data), "model": pack_model(model, history_rows)})
+    codec = EffectCodec()
+    errors = model._joint_errors() if model._knows_noise else None
+    content = signed(
+        {
+            "provenance": _provenance(model, data),
+            "model": write(ModelNode, _model_node(model, errors), "the model", codec.pack),
+            "errors": None if errors is None else write(JointErrors, errors, "its errors"),
+        }
+    )
     if len(content) > LARGEST_FILE:
         raise ModelFileError(
-            f"The model file would have {len(content)} bytes, and at most {LARGEST_FILE} are read again (32 MiB). Keep "
-            "fewer rows of the fitted record: history_rows=4096."
+            f"The model file would have {len(content)} bytes, and at most {LARGEST_FILE} are read again."
         )
     return content
 
@@ -108,6 +201,98 @@ def signed(content: dict[str, Any]) -> bytes:
     body = (render(content) + "\n").removeprefix("{\n").encode("ascii")
     digest = hashlib.sha256(body).hexdigest()
     return f'{{"format": "{FORMAT}", "version": {VERSION}, "digest": "sha256:{digest}",\n'.encode("ascii") + body
+
+
+def _model_node(model: DynamicBiasRegressor, errors: JointErrors | None) -> ModelNode:
+    features, ridge = model.features_, model.pipeline_[1]
+    own, names = features.effect_list(), getattr(model, "feature_names_in_", None)
+    wide = [] if errors is None else [i for i, effect in enumerate(errors.effects) if effect is not own[i]]
+    return ModelNode(
+        parameters={**model.get_params(deep=False), "temperature": Thermometer.plain(model.temperature)},
+        columns=list(features.get_feature_names_out()),
+        intercept=ridge.intercept_,
+        coefficients=ridge.coef_,
+        standard_errors=model._standard_errors(),  # type: ignore[arg-type]
+        alpha=model.alpha_,
+        rank=ridge.rank_,
+        residual_std=ridge.residual_std_,
+        washout=model.washout_,
+        ranges=model._learned_ranges(),  # type: ignore[arg-type]
+        reading=model.reading_,
+        notes=list(model.notes_),
+        n_features_in=model.n_features_in_,
+        feature_names_in=None if names is None else list(map(str, names)),
+        effects=[NamedEffect(*pair) for pair in features.effects_],
+        history=_history_node(features.history_.ends()),
+        wider=[WiderNode(i, errors.effects[i], [ends[i] for ends in errors.history.end_states]) for i in wide],  # type: ignore[union-attr]
+    )
+
+
+def _history_node(history: History) -> HistoryNode:
+    record, times = history.record, history.record.times
+    pairs = zip(record.segments, history.end_states, strict=True)
+    return HistoryNode(
+        kind=history.kind,
+        rows=history.n_fitted,
+        usual_step=history.usual_step,
+        max_gap=history.max_gap,
+        ticks_per_second=times.per_second,  # type: ignore[arg-type]
+        period=times.period,
+        temperature=record.temperature_name,
+        segments=[SegmentNode(segment.stop, segment.run, list(states)) for segment, states in pairs],
+        ticks=np.asarray(times.ticks).tolist(),
+        columns=dict(record.columns),
+        ranges=dict(history.ranges),
+        screen=history.screen,
+        gaps=history.gaps,
+    )
+
+
+def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> dict[str, Any]:
+    """Provenance of the model: packages, and the record that it was fitted to."""
+    if data is None and hasattr(model, "provenance_"):
+        known: dict[str, Any] = model.provenance_
+        return known
+    from .._version import __version__
+
+    versions = {"thermocorr": __version__, "python": platform.python_version()}
+    versions |= {package: version(package) for package in ("numpy", "scipy", "scikit-learn", "pandas")}
+    history = model.features_.history_
+    record, last = history.record, history.record.n_rows - 1
+    noted: dict[str, Any] = {
+        "rows": history.n_fitted,
+        "readings": model.reading_.n_readings,
+        "first": record.times.label(0),
+        "last": record.times.label(last),
+        "span_s": float(history.between(record.stamp(last), record.stamp(0))),
+        "columns": [str(column) for column in record.columns],
+    }
+    if data is not None:
+        noted["sha256"] = data_digest(model, *data)
+    return {"versions": versions, "data": noted}
+
+
+def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
+    """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's.
+
+    All are little-endian numbers of 8 bytes; dates and spans count in nanoseconds, whatever the unit of the data.
+    """
+    features = model.features_
+    names = list(features.history_.record.columns)
+    record = read_record(X, features.layout(), needed=names[1:], quiet=True)
+    if record.n_rows != features.history_.n_fitted:
+        raise ValueError(
+            f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "
+            "that it was fitted to."
+        )
+    stamps, digest = record.times.stamps(), hashlib.sha256()
+    digest.update(np.ascontiguousarray(stamps, "<f8" if stamps.dtype.kind == "f" else "<i8").tobytes())
+    for column in (*(record.columns[name] for name in names), numeric_reading(y, X)):
+        digest.update(np.ascontiguousarray(column[:], "<f8").tobytes())
+    return digest.hexdigest()
+
+
+# -------------------------------------------------------------------------------------------------------------- to read
 
 
 def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -> DynamicBiasRegressor:
@@ -140,7 +325,7 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
     except ModelFileError as error:
         # Characters of what is said about a file's content, which may be anything
         found = textwrap.shorten(str(error), 400, placeholder=" ...")
-        raise ModelFileError(f"{path} is no model that can be loaded: {found}. {error.remedy}") from None
+        raise type(error)(f"{path} is no model that can be loaded: {found}. {error.remedy}") from None
 
 
 save_model, load_model = save, load
@@ -149,82 +334,159 @@ save_model, load_model = save, load
 
 def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
     head = _HEAD.match(content)
-    if head is not None:  # nothing is parsed of a file that is not as it was written
-        _refuse_later(int(head[1]))
-        if head[2].decode() != f"sha256:{hashlib.sha256(content[head.end() :]).hexdigest()}":
-            raise ModelFileError("$.digest does not fit the content: something was changed or lost")
-    node = parse(content)
-    if node.get("format") != FORMAT:
-        raise ModelFileError(f"$.format is {str(node.get('format'))[:60]!r} where {FORMAT!r} belongs: a foreign file")
-    _refuse_later(integer(node.get("version"), "$.version", VERSION))
     if head is None:
-        raise ModelFileError("its first line is not as it was written")
-    node = fields(node, "$", ("format", "version", "digest", "provenance", "model"))
-    model = unpack_model(node["model"], "$.model", codec)
-    model.provenance_ = fields(node["provenance"], "$.provenance", ("versions", "data"))
+        raise ModelFileError("its first line is not that of a model file: it is foreign, or damaged")
+    if int(head[1]) > VERSION:
+        raise LaterVersionError(f"it was written by a later version (format {int(head[1])}, this one reads {VERSION})")
+    if head[2].decode() != f"sha256:{hashlib.sha256(content[head.end() :]).hexdigest()}":
+        raise ModelFileError("$.digest does not fit the content: something was changed or lost")
+    node = fields(parse(content), "$", ("format", "version", "digest", "provenance", "model", "errors"))
+    try:
+        model = _restored(read(ModelNode, node["model"], "$.model", codec.unpack), node["errors"])
+        model.provenance_ = fields(node["provenance"], "$.provenance", ("versions", "data"))
+        again = content_of(model)
+    except ModelFileError:
+        raise
+    except WRONG as error:  # of a part that does not belong to the others, wherever that shows
+        raise ModelFileError(f"its parts do not belong together: {error}") from None
+    if again != content:
+        raise ModelFileError("it is not as thermocorr writes this model")
     return model
 
 
-def _refuse_later(found: int) -> None:
-    if found > VERSION:
-        raise LaterVersionError(f"it was written by a later version (format {found}, this one reads up to {VERSION})")
+def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
+    """The fitted model; whatever error shows that parts do not belong together."""
+    where = "$.model"
+    parameters = dict(node.parameters)
+    parameters["temperature"] = Thermometer.given(parameters["temperature"])
+    model = DynamicBiasRegressor(**parameters)
+    model._validate_params()
+    for key in ("sampling_period", "max_gap"):
+        if parameters[key] is not None:
+            seconds_of(parameters[key], key)
+    features: DiffusiveFeatures = model._unfitted_features(())
+    features._validate_params()
+    features.effects_ = [(each.name, each.effect) for each in node.effects]
+    model._run_levels = RunLevels.among(features.effects_, as_effects(model.effects))
+    features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
+    effects = features.effect_list()
+    static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
+    lags: Any = next((effect for effect in effects if isinstance(effect, ThermalLag)), None)
+    features.reference_temperature_ = static.reference_temperature_
+    features.time_constants_ = np.zeros(0) if lags is None else lags.time_constants_
+    further = features.thermometers().times_in(features.effects_)
+    own = features.time_constants_.tolist()
+    given = {features.thermometers().ambient: own, **{column: taus.tolist() for column, taus in further.items()}}
+    features.time_constants = given if further else own
+    names, count = list(features.get_feature_names_out()), len(node.columns)
+    units = [unit for effect in effects for unit in effect.units()]
+    _require(names == node.columns and len(units) == count, f"{where}.columns are not those that the effects have")
+    features.history_ = _history(node.history, effects, f"{where}.history")
+    features.screen_ = features.history_.screen
+    features.n_features_in_ = model.n_features_in_ = node.n_features_in
+    names_in = node.feature_names_in
+    if names_in is not None:
+        features.feature_names_in_ = model.feature_names_in_ = np.array(names_in, dtype=object)
+        _require(len({*names_in}) == len(names_in) == node.n_features_in, f"{where}.feature_names_in has a name twice")
+    _require_columns(features, names_in, where)
+    lengths = (len(node.coefficients), len(node.standard_errors) - 1, node.rank <= count, len(node.ranges))
+    _require(lengths == (count, count, True, len(effects)), f"{where} has not as many numbers as columns")
+    ridge = MergedRidge(node.alpha)
+    ridge.coef_, ridge.intercept_ = np.array(node.coefficients, float), node.intercept
+    ridge.rank_, ridge.residual_std_, ridge.n_features_in_ = node.rank, node.residual_std, count
+    model.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
+    model.alpha_, model.search_, model.washout_ = ridge.alpha, None, node.washout
+    model._known_ranges = np.array(node.ranges, float).reshape(-1, 2)
+    model.reading_, model.notes_ = node.reading, tuple(node.notes)
+    model._known_standard_errors = np.array(node.standard_errors, float)
+    if errors is not None:
+        model._known_errors = _errors(errors, node.wider, effects, features.history_)
+    record = features.history_.record
+    for _ in model._weighed(walk(effects, record, starts=own_starts(record))):
+        pass  # what cannot be computed shows here
+    return model
 
 
-# --------------------------------------------------------------------------------------------------------- provenance
+def _require(right: bool, wrong: str) -> None:
+    if not right:
+        raise ModelFileError(wrong)
 
 
-def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> dict[str, Any]:
-    """Provenance of the model: packages, and the record that it was fitted to."""
-    if data is None and hasattr(model, "provenance_"):
-        known: dict[str, Any] = model.provenance_
-        return known
-    from .._version import __version__
-
-    versions = {"thermocorr": __version__, "python": platform.python_version()}
-    versions |= {package: version(package) for package in ("numpy", "scipy", "scikit-learn", "pandas")}
-    history = model.features_.history_
-    record, times = history.record, history.record.times
-    last = record.n_rows - 1
-    noted: dict[str, Any] = {
-        "rows": history.n_fitted,
-        "readings": model.reading_.n_readings,
-        "first": times.label(0),
-        "last": times.label(last),
-        "span_s": float(history.between(record.stamp(last), record.stamp(0))),
-        "columns": [str(column) for column in record.columns],
-    }
-    if data is None:
-        noted |= {"sha256": history_digest(history), "sha256_of": "times and columns of the rows that the model keeps"}
-    else:
-        noted |= {"sha256": data_digest(model, *data), "sha256_of": "times, columns and readings of all rows"}
-    return {"versions": versions, "data": noted}
+def _require_columns(features: DiffusiveFeatures, names: list[str] | None, where: str) -> None:
+    """Refuse names of X without the columns that the model needs, and another temperature than that of the fit."""
+    fitted, layout = features.history_.record.temperature_name, features.layout()
+    needed = [*features.history_.record.columns, *(each for each in (layout.time, layout.run) if each is not None)]
+    found = features.thermometers().ambient
+    if names is not None:
+        missing = [column for column in needed if column not in names]
+        _require(not missing, f"{where}.feature_names_in has no {missing[:1]}, which the model needs")
+        found = temperature_column(pd.DataFrame(columns=names), layout, quiet=True)
+    _require(found in (None, fitted), f"{where} makes {found!r} the temperature, not {fitted!r}")
 
 
-def history_digest(history: History) -> str:
-    """sha256 of the kept rows: times, then the columns that the model uses, as little-endian numbers of 8 bytes."""
-    return _hashed(history.record.times.stamps(), *history.record.columns.values())
+def _history(node: HistoryNode, effects: Sequence[Effect], where: str) -> History:
+    """The history; every count, order and state is checked."""
+    starts = [0, *(each.stop for each in node.segments)]
+    n = starts[-1]
+    _require(n > 0 and all(a < b <= a + HEAD + 1 for a, b in pairwise(starts)), f"{where}.segments have no such rows")
+    needed = {node.temperature, *needed_columns(list(effects))}
+    columns = all(values.shape == (n,) for values in node.columns.values())
+    _require(columns and needed <= {*node.columns} == {*node.ranges}, f"{where}.columns are not those that are needed")
+    whole, unit = node.kind != "seconds", 1_000_000_000 // node.ticks_per_second
+    low, high = (EARLIEST, LATEST) if node.kind.startswith("date") else (-LARGEST, LARGEST)
+    right = all(isinstance(tick, int) == whole and low <= tick * unit <= high for tick in node.ticks)
+    _require(right and len(node.ticks) == n and n <= node.rows, f"{where}.ticks are not the times of {n} rows")
+    ticks = np.array(node.ticks, np.int64 if whole else float)
+    back = np.setdiff1d(np.flatnonzero(~(np.diff(ticks) > 0)) + 1, starts)
+    _require(not len(back), f"{where}.ticks do not increase in a segment")
+    for known in (node.gaps.squares, *(() if node.screen is None else (node.screen.inputs,))):
+        _require({*known} <= {*node.columns}, f"{where} knows of columns that the model does not read")
+    for segment in node.segments:
+        for effect, state in zip(effects, segment.end_states, strict=True):
+            check_state(effect, state, f"{where}.segments.end_states")
+    parts = [Segment(a, b.stop, b.run) for a, b in zip(starts, node.segments, strict=False)]
+    times = Times(n, node.kind, ticks, node.ticks_per_second, node.period)
+    return History(
+        kind=node.kind,
+        zero=times.stamp(0),
+        record=Record(times, node.temperature, node.columns, tuple(parts)),
+        end_states=tuple(segment.end_states for segment in node.segments),
+        n_fitted=node.rows,
+        stride=0,
+        usual_step=node.usual_step,
+        max_gap=node.max_gap,
+        ranges=node.ranges,
+        screen=node.screen,
+        known_gaps=node.gaps,
+    )
 
 
-def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
-    """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's.
-
-    Dates and spans count in nanoseconds, whatever the unit of the data.
-    """
-    features = model.features_
-    needed = [name for name in features.history_.record.columns if name != features.history_.record.temperature_name]
-    record = read_record(X, features.layout(), needed=needed, quiet=True)
-    if record.n_rows != features.history_.n_fitted:
-        raise ValueError(
-            f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "
-            "that it was fitted to."
+def _errors(node: Any, wider: list[WiderNode], own: Sequence[Effect], history: History) -> JointErrors:
+    """The errors of a model, with effects and states in place of those that are wider than the model's own."""
+    effects, ends = list(own), [list(states) for states in history.end_states]
+    for each in wider:
+        effect, place = each.effect, each.place
+        _require(
+            type(effect) is type(own[place])
+            and effect.inputs() == own[place].inputs()
+            and len(each.end_states) == len(ends),
+            "$.model.wider is none of the model's effects",
         )
-    columns = [np.asarray(record.columns[name][:]) for name in features.history_.record.columns]
-    return _hashed(record.times.stamps(), *columns, np.asarray(numeric_reading(y, X)[:]))
-
-
-def _hashed(stamps: np.ndarray, *columns: np.ndarray) -> str:
-    digest = hashlib.sha256()
-    digest.update(np.ascontiguousarray(stamps, "<f8" if stamps.dtype.kind == "f" else "<i8").tobytes())
-    for column in columns:
-        digest.update(np.ascontiguousarray(column, "<f8").tobytes())
-    return digest.hexdigest()
+        effects[place] = effect
+        for states, state in zip(ends, each.end_states, strict=True):
+            check_state(effect, state, "$.model.wider.end_states")
+            states[place] = state
+    found = JointErrors(
+        **read_fields(JointErrors, node, "$.errors"),
+        effects=effects,
+        history=replace(history, end_states=tuple(ends)),
+        own=not wider,
+    )
+    width = 1 + sum(effect.n_columns() for effect in effects)
+    shapes = [found.coef.shape, found.mean.shape, found.half.shape[:1], found.last.shape]
+    right = shapes == [(width,), (width,), (width,), (width, len(found.noise.wander))]
+    _require(
+        right and found.half.ndim == 2 and found.dof > 0 and found.last_segment < len(ends),
+        "$.errors have not as many numbers as columns",
+    )
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -168,18 +168,27 @@ def _about(model: Any, name: str, program: Program) -> dict[str, Any]:
 
 
 def _trial(model: Any, removed: list[int], program: Program) -> dict[str, Any]:
-    """The self-test: the first rows of the fitted record, as a device that starts anew takes them."""
+    """The self-test: inputs that go through their fitted ranges no faster than they did, as a device that starts takes
+    them.
+    """
     history, kept = model.features_.history_, model.features_.history_.record
-    (start, stop, run), *_ = kept.segments
-    part = Record(
-        kept.times, kept.temperature_name, kept.columns, (Segment(start, min(start + SAMPLES, stop), run),),
-        skipped=kept.skipped[kept.skipped < min(start + SAMPLES, stop)],
-    )  # fmt: skip
+    k, columns = np.arange(SAMPLES), dict[Any, np.ndarray]()
+    for place, (column, (low, high)) in enumerate(history.ranges.items()):
+        motion = None if history.screen is None else history.screen.inputs[column].motion
+        half, angle = (high - low) / 2, 0.1 + 0.01 * place
+        if motion is not None and half > 0:
+            angle = min(angle, motion.farthest / (2 * half))
+        columns[column] = (low + high) / 2 + half * np.sin(angle * k)
+    step = {"rows": 1, "seconds": history.usual_step}.get(history.kind, history.usual_step * kept.times.per_second)
+    first = np.asarray(kept.times.ticks)[0]
+    ticks = first + (k * step if history.kind == "seconds" else np.rint(k * step).astype(np.int64))
+    times = replace(kept.times, n=SAMPLES, ticks=ticks)
+    part = Record(times, kept.temperature_name, columns, (Segment(0, SAMPLES, kept.segments[0].run),))
     rows, bias, size = list[tuple[float, ...]](), list[float](), 0.0
     for block, parts in model._weighed(walk(model.features_.effect_list(), part, zero=history.zero)):
         inputs = [block.temperature, *(np.asarray(block[name], float) for name in program.columns)]
         rows += zip(block.steps.tolist(), *(each.tolist() for each in inputs), strict=True)
         bias += (parts[:, removed].sum(axis=1) + model._removed_level).tolist()
         size = max(size, float(np.abs(parts[:, removed]).sum(axis=1).max()))
-    seconds = part.times.between(part.stamp(start), history.zero)
+    seconds = part.times.between(part.stamp(0), history.zero)
     return {"rows": rows, "bias": bias, "tolerance": TOLERANCE * size + 1e-300, "seconds": seconds}

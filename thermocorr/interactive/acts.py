@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ..effects import LaggedCovariate
-from ..files.codec import ModelFileError, fields, integer, items, number, positive, text
+from ..files.codec import ModelFileError, fields, integer, items, number, text
 from ..foreign import guess
 from ..foreign.roles import is_counter
 from ..records import RecordError
 from ..records.errors import listing, quoted
+from ..records.hints import LEAST
 
 ROLES = ("reading", "temperature", "reference", "time", "run")
 """What a column may be; else it is ignored, or a suspect."""
@@ -80,8 +81,6 @@ def guessed(frame: pd.DataFrame, **known: Any) -> Roles | None:
 
 Stretch = tuple[int, int]
 """First row of the log, and the one behind the last."""
-Moment = float | str
-"""Seconds since the record began, or a date."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,12 +122,6 @@ class Arrangement:
     effects: tuple[AddedEffect, ...] = ()
     left_out: tuple[Stretch, ...] = ()
     """Stretches that are not learned from."""
-    own_runs: tuple[Stretch, ...] = ()
-    """Stretches that are runs of their own."""
-    changes: tuple[Moment, ...] = ()
-    """Moments from which the measurand is another one."""
-    spikes: tuple[int, ...] = ()
-    """Rows whose readings are no measurements."""
 
     def key(self) -> str:
         """A name that only equal arrangements share."""
@@ -136,7 +129,7 @@ class Arrangement:
 
     def learned(self) -> tuple[Any, ...]:
         """Key of the readings that are learned from: errors on other readings cannot be compared."""
-        return (self.roles and self.roles.reading, self.left_out, self.spikes)
+        return (self.roles and self.roles.reading, self.left_out)
 
     def with_effect(self, effect: AddedEffect) -> Arrangement:
         """The arrangement with one effect more; lags of one column are one effect with several time constants."""
@@ -157,17 +150,8 @@ def _merged(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any] | None
     return {**one, "parameters": {**one["parameters"], "time_constants": times}}
 
 
-MARKS = {
-    "left out": "Leave out",
-    "own run": "Treat as another run",
-    "change": "The measurand changed here",
-    "spikes": "Mark spikes",
-}
-"""What a stretch can be marked as, and in the words of a button."""
 PRODUCTS = {1: ", products of lags", 2: ", products of lags", 3: ", products of two and three lags"}
 MOST_ROWS = 10**12
-MOST_SPIKES = 1000
-"""Rows that are marked as spikes at once."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +170,7 @@ class Columns:
         return f"{self.roles.reading}{against} over {self.roles.temperature}"
 
     def node(self) -> dict[str, Any]:
-        """The step as a session file has it."""
+        """The step as JSON."""
         return {"do": "columns", **asdict(self.roles), "ignored": list(self.roles.ignored)}
 
 
@@ -209,7 +193,7 @@ class Shape:
         return f"{lags}, degree {self.degree}{PRODUCTS.get(int(self.products), '')}"
 
     def node(self) -> dict[str, Any]:
-        """The step as a session file has it."""
+        """The step as JSON."""
         return {"do": "shape", **asdict(self)}
 
 
@@ -232,58 +216,42 @@ class Add:
         return f"added {self.effect.label}"
 
     def node(self) -> dict[str, Any]:
-        """The step as a session file has it."""
+        """The step as JSON."""
         added = {"do": "add", "effect": json.loads(self.effect.node), "label": self.effect.label}
         return {**added, "time_constants": list(self.time_constants)}
 
 
 @dataclass(frozen=True)
-class Mark:
-    """Rows are marked as something, see `MARKS`."""
+class LeaveOut:
+    """Rows are no longer learned from."""
 
-    what: str
     rows: tuple[Stretch, ...]
     where: str
-    """Sentence that describes this step."""
-    moments: tuple[Moment, ...] = ()
-    """When the measurand changes, for such a mark."""
+    """From when to when, in words."""
 
     def on(self, before: Arrangement) -> Arrangement:
-        """The arrangement with more marks."""
-        if self.what == "left out":
-            return replace(before, left_out=tuple(sorted({*before.left_out, *self.rows})))
-        if self.what == "own run":
-            return replace(before, own_runs=tuple(sorted({*before.own_runs, *self.rows})))
-        if self.what == "change":
-            return replace(before, changes=tuple(sorted({*before.changes, *self.moments})))
-        rows = {row for start, stop in self.rows for row in range(start, stop)}
-        return replace(before, spikes=tuple(sorted({*before.spikes, *rows})))
+        """The arrangement without more rows."""
+        return replace(before, left_out=tuple(sorted({*before.left_out, *self.rows})))
 
     def sentence(self) -> str:
         """Sentence that describes this step."""
-        return f"{MARKS[self.what].lower()}: {self.where}"
+        return f"leave out: {self.where}"
 
     def node(self) -> dict[str, Any]:
-        """The step as a session file has it."""
-        return {
-            "do": "mark",
-            "what": self.what,
-            "rows": [list(stretch) for stretch in self.rows],
-            "where": self.where,
-            "moments": list(self.moments),
-        }
+        """The step as JSON."""
+        return {"do": "leave_out", "rows": [list(stretch) for stretch in self.rows], "where": self.where}
 
 
-Act = Columns | Shape | Add | Mark
+Act = Columns | Shape | Add | LeaveOut
 
 
 def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Act:
-    """An act from a session file; ModelFileError says what is wrong with it.
+    """An act from JSON; ModelFileError says what is wrong with it.
 
     `effect_label` gives the label of an effect's node, or refuses it.
     """
     if not isinstance(node, dict):
-        raise ModelFileError(f"{where} is no step of a session")
+        raise ModelFileError(f"{where} is no step")
     kind = text(node.get("do"), f"{where}.do")
     if kind == "columns":
         return Columns(roles_of(fields(node, where, ("do", *ROLES, "ignored")), where))
@@ -294,24 +262,13 @@ def act_of(node: Any, where: str, effect_label: Callable[[Any, str], str]) -> Ac
         taus = items(node["time_constants"], f"{where}.time_constants")
         return Add(
             AddedEffect.of(node["effect"], effect_label(node["effect"], f"{where}.effect")),
-            tuple(positive(tau, f"{where}.time_constants") for tau in taus),
+            tuple(number(tau, f"{where}.time_constants", LEAST) for tau in taus),
         )
-    if kind == "mark":
-        node = fields(node, where, ("do", "what", "rows", "where", "moments"))
-        what = text(node["what"], f"{where}.what")
-        if what not in MARKS:
-            raise ModelFileError(f"{where}.what is {what!r}, which is none of: {', '.join(MARKS)}")
+    if kind == "leave_out":
+        node = fields(node, where, ("do", "rows", "where"))
         rows = tuple(_stretch(pair, f"{where}.rows[{i}]") for i, pair in enumerate(items(node["rows"], where)))
-        moments = tuple(
-            text(moment, f"{where}.moments") if isinstance(moment, str) else number(moment, f"{where}.moments")
-            for moment in items(node["moments"], f"{where}.moments")
-        )
-        if len({type(moment) for moment in moments}) > 1:
-            raise ModelFileError(f"{where}.moments holds dates and numbers, of which one belongs there")
-        if what == "spikes" and sum(stop - start for start, stop in rows) > MOST_SPIKES:
-            raise ModelFileError(f"{where}.rows holds more than {MOST_SPIKES} spikes")
-        return Mark(what, rows, text(node["where"], f"{where}.where"), moments)
-    raise ModelFileError(f"{where}.do is {kind!r}, which is no step of a session")
+        return LeaveOut(rows, text(node["where"], f"{where}.where"))
+    raise ModelFileError(f"{where}.do is {kind!r}, which is no step")
 
 
 def roles_of(node: dict[str, Any], where: str) -> Roles:
@@ -329,7 +286,7 @@ def shape_of(node: dict[str, Any], where: str) -> Shape:
     taus = node["time_constants"]
     if isinstance(taus, list):
         place = f"{where}.time_constants"
-        taus = tuple(text(tau, place) if isinstance(tau, str) else positive(tau, place) for tau in taus)
+        taus = tuple(text(tau, place) if isinstance(tau, str) else number(tau, place, LEAST) for tau in taus)
     elif taus != "auto":
         taus = integer(taus, f"{where}.time_constants", 1, 64)
     return Shape(taus, integer(node["degree"], f"{where}.degree", 0, 9), products_of(node["products"], where))

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
@@ -22,17 +23,14 @@ from ..judgement.refine import with_fitted_causes, with_missing
 from ..pages import PageData, figures
 from ..pages.charts import Chart
 from .acts import (
-    MARKS,
-    MOST_SPIKES,
     ROLES,
     Act,
     Add,
     AddedEffect,
     Arrangement,
     Columns,
-    Mark,
+    LeaveOut,
     ModelSettings,
-    Moment,
     Past,
     Roles,
     Stretch,
@@ -44,10 +42,6 @@ from .learning import Fitted, axis_of, chosen_lags, fitted, moment_words, previe
 from .source import ReadLog
 from .tiles import Store
 
-JUMPS = 6.0
-"""A reading that is so many times the usual residual of a marked stretch away from its median is a spike."""
-IN_A_ROW = 3
-"""Most readings of one spike: what lasts longer is none."""
 Chore = tuple[str, Callable[[], None]]
 
 
@@ -151,11 +145,12 @@ class Bench:
     def perform(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Do what is asked; nothing has changed where it raises.
 
-        `asked` (dict): ``do``: columns, shape, add, mark, undo, redo, drop, judge, preview or fit; with what these
+        `asked` (dict): ``do``: columns, shape, add, leave_out, undo, redo, drop, judge, preview or fit; with what these
         need. Raises ValueError for what cannot be done: its sentence is for the user.
         """
         doers = {
-            "columns": self._columns, "shape": self._shape, "add": self._add, "mark": self._mark, "undo": self._undo,
+            "columns": self._columns, "shape": self._shape, "add": self._add, "leave_out": self._leave_out,
+            "undo": self._undo,
             "redo": self._redo, "drop": self._drop, "judge": self._judge, "preview": self._preview, "fit": self._fit,
         }  # fmt: skip
         name = text(asked.get("do"), "do")
@@ -199,75 +194,27 @@ class Bench:
     def _add(self, asked: dict[str, Any]) -> None:
         effect, found = self.suspect(asked), self.current
         assert found is not None  # it has suspects
-        added = AddedEffect.of(self.codec.pack(effect, "effect", learned=False), effect.label())
+        added = AddedEffect.of(self.codec.pack(clone(effect), "effect"), effect.label())
         lags: tuple[float, ...] = ()
         if isinstance(effect, ThermalLag) and len(found.model.time_constants_):
             lags = tuple(with_missing(found.model, effect).time_constants)
         self._become((*self.acts, Add(added, lags)))
 
-    def _mark(self, asked: dict[str, Any]) -> None:
-        asked = fields(asked, "mark", ("do", "what", "low", "high"))
-        what, found = text(asked["what"], "what"), self.current
-        if what not in MARKS:
-            raise ValueError(f"A stretch is marked as one of: {', '.join(MARKS.values())}.")
+    def _leave_out(self, asked: dict[str, Any]) -> None:
+        asked, found = fields(asked, "leave_out", ("do", "low", "high")), self.current
         if found is None:
             raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")
         axis = axis_of(found)
         low, high = (number(asked[end], end) * axis.scale - axis.zero for end in ("low", "high"))
         place = self.store.get(found.curves["place"])
-        inside = slice(int(np.searchsorted(place, low, "left")), int(np.searchsorted(place, high, "right")))
-        places = np.arange(inside.start, inside.stop)
-        if what == "spikes":
-            places = self._standing_out(found, places)
+        places = np.arange(int(np.searchsorted(place, low, "left")), int(np.searchsorted(place, high, "right")))
         if not len(places):
             raise ValueError("There are no rows in this stretch.")
-        rows = np.sort(self.store.get(found.curves["row"])[places].astype(int))
-        ends = places[[0, -1]]
-        where = moment_words(found, ends, self.store.get(found.curves["seconds"])[ends])
-        if what == "spikes":
-            where = f"{len(places)} {'reading' if len(places) == 1 else 'readings'}, {where}"
-        if what == "left out" and not np.isfinite(np.delete(found.data.learned.to_numpy(float), rows)).any():
+        rows, ends = np.sort(self.store.get(found.curves["row"])[places].astype(int)), places[[0, -1]]
+        if not np.isfinite(np.delete(found.data.learned.to_numpy(float), rows)).any():
             raise ValueError("This stretch holds all readings that are learned from: leave a part of them in.")
-        moments = self._changes(found, inside) if what == "change" else ()
-        self._become((*self.acts, Mark(what, _stretches(rows), where, moments)))
-
-    def _changes(self, found: Fitted, inside: slice) -> tuple[Moment, ...]:
-        """Moments at which a stretch of rows begins and ends, as far as these are inside of the record."""
-        if found.timeline.overlapping:
-            raise ValueError("Runs overlap in time here, so a moment is in several of them: make the stretch a run.")
-        seconds = self.store.get(found.curves["seconds"])
-        edges = [place for place in (inside.start, inside.stop) if 0 < place < len(seconds)]
-        if not edges:
-            raise ValueError("The whole record is in this stretch: nothing changes in it.")
-        return tuple(_moment(found, float(seconds[edge])) for edge in edges)
-
-    def _standing_out(self, found: Fitted, places: np.ndarray) -> np.ndarray:
-        """Places whose residual stands far out of the others in a stretch."""
-        rows = self.store.get(found.curves["row"])[places].astype(int)
-        learned = np.isfinite(found.data.learned.to_numpy(float)[rows])
-        residual = np.where(learned, self.store.get(found.curves["residual"])[places], np.nan)
-        known = residual[np.isfinite(residual)]
-        if not len(known):
-            raise ValueError("There are no readings in this stretch.")
-        middle = float(np.median(known))
-        floor = found.diagnosis.noise_floor if found.diagnosis else found.model.residual_std_
-        usual = max(1.4826 * float(np.median(np.abs(known - middle))), floor)
-        spikes = places[np.abs(residual - middle) > JUMPS * usual]
-        alone = [part for part in np.split(spikes, np.flatnonzero(np.diff(spikes) != 1) + 1) if len(part) <= IN_A_ROW]
-        if len(spikes) and not alone:
-            raise ValueError(
-                f"{len(spikes)} readings stand out here, more than {IN_A_ROW} in a row: these are no spikes. Leave the "
-                "stretch out instead."
-            )
-        spikes = np.concatenate([*alone, np.zeros(0, int)]).astype(int)
-        if not len(spikes):
-            raise ValueError(
-                f"No reading in this stretch stands out by more than {JUMPS:g} times the usual residual. To take all "
-                "of it away from the fit, leave it out."
-            )
-        if len(spikes) > MOST_SPIKES:
-            raise ValueError(f"{len(spikes)} readings stand out here: that is no spike. Leave the stretch out instead.")
-        return np.asarray(spikes)
+        where = moment_words(found, ends, self.store.get(found.curves["seconds"])[ends])
+        self._become((*self.acts, LeaveOut(_stretches(rows), where)))
 
     def _undo(self, asked: dict[str, Any]) -> None:
         self._go(self.past.at - 1, "There is nothing to undo.")
@@ -376,11 +323,10 @@ class Bench:
 
     def _draw(self, found: Fitted) -> None:
         """Charts of the report page that belong to the model."""
-        judged, found.charts = found.diagnosis, []
+        found.charts = []
         try:
             data = quietly(lambda: PageData.of(found.model, found.data.X, found.data.y))
-            charts: list[Chart | None] = [figures.stability(data), figures.loop(data), figures.following(data)]
-            charts += [figures.lag_spectrum(found.model), figures.spectrum(judged) if judged else None]
+            charts: list[Chart | None] = [figures.stability(data), figures.following(data)]
         except Exception as error:  # see above
             found.said["charts"] = sentence(error)
             return
@@ -393,11 +339,6 @@ def _rms(store: Store, found: Fitted) -> float:
     residual = store.get(found.curves["residual"])
     known = residual[np.isfinite(residual) & np.isfinite(learned)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
-
-
-def _moment(found: Fitted, seconds: float) -> Moment:
-    line = found.timeline
-    return line.times(np.array([seconds]))[0].isoformat() if line.dates else seconds
 
 
 def _stretches(rows: np.ndarray) -> tuple[Stretch, ...]:

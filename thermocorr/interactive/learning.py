@@ -14,7 +14,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..displays.axes import TimeLine, Walk, where_read
-from ..effects import Rate, SeveralSteps, ThermalLag
+from ..effects import Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.stream import own_starts, walk
 from ..estimators import DynamicBiasRegressor
@@ -36,8 +36,6 @@ from .acts import Arrangement
 from .source import ReadLog
 from .tiles import Store
 
-RUNS = "run (workbench)"
-"""Column of the labels of runs, where stretches were made runs of their own."""
 LESS_LEVEL = " less level"
 """End of the names of curves without the level of each run."""
 EFFECT, COLUMN = "effect ", "column "
@@ -49,7 +47,7 @@ class Data(NamedTuple):
 
     X: pd.DataFrame
     y: pd.Series
-    """The readings, without those that were marked as spikes."""
+    """The readings."""
     learned: pd.Series
     """Readings that are learned from; NaN in stretches that are left out."""
     said: tuple[str, ...]
@@ -89,22 +87,8 @@ def data_of(source: ReadLog, arrangement: Arrangement) -> Data:
     X = log.drop(columns=[*own, *(name for name in roles.ignored if name in log.columns)])
     if kind_of(y) != "number":
         raise RecordError(f"The column {roles.reading!r} holds no numbers, so it cannot be the reading.")
-    if arrangement.spikes:
-        y = _without(y, [(row, row + 1) for row in arrangement.spikes])
-    if arrangement.own_runs:
-        X = X.assign(**{RUNS: run_labels(len(X), X[roles.run] if roles.run else None, arrangement.own_runs)})
     X.attrs = dict(log.attrs)
     return Data(X, y, _without(y, arrangement.left_out) if arrangement.left_out else y, said)
-
-
-def run_labels(n_rows: int, runs: Any, stretches: Sequence[tuple[int, int]]) -> list[str]:
-    """Labels of runs: another one from the start of each stretch, and behind its end."""
-    part = np.zeros(n_rows, int)
-    for start, stop in stretches:
-        part[start:] += 1
-        part[stop:] += 1
-    before = [""] * n_rows if runs is None else [f"{run}, " for run in runs]
-    return [f"{label}part {number}" for label, number in zip(before, part + 1, strict=True)]
 
 
 def _without(y: pd.Series, stretches: Sequence[tuple[int, int]]) -> pd.Series:
@@ -120,11 +104,7 @@ def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegr
     """The model of an arrangement, before its fit; what an arrangement does not say is as in `base`."""
     roles, settings = arrangement.roles, arrangement.settings
     assert roles is not None
-    effects: list[Effect] = [
-        codec.unpack(json.loads(effect.node), "effect", learned=False) for effect in arrangement.effects
-    ]
-    if arrangement.changes:
-        effects.append(SeveralSteps(list(arrangement.changes)))
+    effects: list[Effect] = [codec.unpack(json.loads(effect.node), "effect") for effect in arrangement.effects]
     given = settings.time_constants
     model: DynamicBiasRegressor = clone(base)
     return model.set_params(
@@ -135,7 +115,7 @@ def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegr
         products=settings.products,
         effects=effects,
         time=roles.time,
-        run=RUNS if arrangement.own_runs else roles.run,
+        run=roles.run,
         sampling_period=settings.sampling_period,
         max_gap=settings.max_gap,
         screen=settings.screen,

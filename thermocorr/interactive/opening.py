@@ -1,4 +1,4 @@
-"""Opening a workbench: with files, a built-in record, a session, or earlier steps."""
+"""Opening a workbench: with files, a built-in record, or earlier steps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..foreign import HowToRead
 from .acts import ModelSettings, guessed
 from .bench import Bench
 from .source import built_in, effects_in, opened
-from .takeaway import reopened, with_past
+from .takeaway import with_past
 from .tiles import Store
 
 
@@ -29,21 +29,14 @@ class Opening:
     """Columns whose role the user has said."""
     settings: ModelSettings = field(default_factory=ModelSettings)
     own_file: str = ""
-    session: str = ""
-    """File of a session to go on with."""
     past: Any = None
-    """What was done already, as a session file has it."""
+    """What was done already, see `past_node`."""
 
     def bench(self, store: Store) -> Bench:
         """The bench, its log read; RecordError where that cannot be."""
         own = effects_in(self.own_file) if self.own_file else ()
-        if self.session:
-            bench = reopened(self.session, store, own, self.own_file)
-        else:
-            if self.paths:
-                source = opened(self.paths, self.how, join=self.join, names=self.names)
-            else:
-                source = built_in(self.sample)
-            roles = guessed(source.frame, **self.named)
-            bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
+        files = self.paths and opened(self.paths, self.how, join=self.join, names=self.names)
+        source = files or built_in(self.sample)
+        roles = guessed(source.frame, **self.named)
+        bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)
         return bench if self.past is None else with_past(bench, self.past)

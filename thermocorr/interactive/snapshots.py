@@ -32,7 +32,7 @@ from ..records.errors import printable
 from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of
 from ..records.units import difference_unit, unit_of
-from .acts import MARKS, Add, Columns, Mark, Roles
+from .acts import Add, Columns, LeaveOut, Roles
 from .bench import Bench
 from .learning import COLUMN, EFFECT, LESS_LEVEL, Fitted, axis_of, fall, figure, gain, share
 from .source import SAMPLES
@@ -66,7 +66,6 @@ def snapshot(bench: Bench) -> dict[str, Any]:
             for name in frame.columns
         ],
         "samples": {name: sample.title for name, sample in SAMPLES.items()},
-        "marks": MARKS,
         "take": {name: kind.what for name, kind in KINDS.items()},
         "decided": roles is not None,
         "raw": [] if found is not None else _raw(frame),
@@ -165,7 +164,7 @@ def _history(bench: Bench, found: Fitted | None) -> list[dict[str, Any]]:
                 "step": number,
                 "key": key,
                 "text": printable(act.sentence()),
-                "kind": {Columns: "columns", Add: "add", Mark: "mark"}.get(type(act), "shape"),
+                "kind": {Columns: "columns", Add: "add", LeaveOut: "leave_out"}.get(type(act), "shape"),
                 "rms": figure(known.get("rms"), scale),
                 "held_out": figure(known.get("held_out"), scale),
                 "later": figure(later, scale),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import sys
 from collections.abc import Sequence
@@ -47,11 +46,8 @@ FIRST = "the built-in voltage reference with a hidden effect"
 SAMPLES = {
     FIRST: TrialRecord("voltage reference, two weeks", partial(load_voltage_reference, hidden="moisture")),
     "simulated device 1": _simulated("simulated device 1", 11, hysteresis=1.5),
-    "simulated device 2": _simulated("simulated device 2", 12, step=1.0, lagged_covariate=1.5),
-    "simulated device 3": _simulated("simulated device 3", 13, covariate=0.0),
-    "simulated device 4": _simulated("simulated device 4", 14, drift=1.0, interaction=1.0),
 }
-"""Name -> record. What is hidden is for the diagnosis to find; in one of them it is nothing."""
+"""Name -> record. What is hidden is for the diagnosis to find."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +61,6 @@ class ReadLog:
     """Where it stands; none for the built-in record and for a frame."""
     how: HowToRead = field(default_factory=HowToRead)
     join: bool = False
-    digest: str = ""
-    """SHA-256 of all files, one after the other."""
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -90,12 +84,12 @@ class ReadLog:
         return with_times(self.table, time, self.how) if len(self.files) == 1 else self.table
 
     def node(self) -> dict[str, Any]:
-        """The log as a session file names it."""
+        """How the log was read, for the script that reads it again."""
         if not self.files:
             return {"built_in": self.name}
         given = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.how).items()}
         said = {key: value for key, value in given.items() if value not in (None, False, [])}
-        return {"files": list(self.files), "how": said, "join": self.join, "sha256": self.digest}
+        return {"files": list(self.files), "how": said, "join": self.join}
 
 
 def built_in(name: str = "") -> ReadLog:
@@ -115,7 +109,10 @@ def opened(
     `names` (sequence of str): What the files are called where they came from, if that is not here. Raises RecordError
     for files that cannot be read.
     """
-    how, digest = how or HowToRead(), fingerprint(paths)
+    how = how or HowToRead()
+    for path in paths:
+        if not existing_file(path).is_file():
+            raise RecordError(f"{path} is no regular file. Name the log's file.")
     with noted() as notes:
         table = read_logs(paths, how, join=join)
     table = table.with_said(table.frame, *notes)
@@ -127,23 +124,7 @@ def opened(
         files=tuple(names) or tuple(str(Path(path).resolve()) for path in paths),
         how=how,
         join=join,
-        digest=digest,
     )
-
-
-def fingerprint(paths: Sequence[str | Path]) -> str:
-    """SHA-256 of the content of files, one after the other."""
-    digest = hashlib.sha256()
-    for path in paths:
-        if not existing_file(path).is_file():
-            raise RecordError(f"{path} is no regular file. Name the log's file.")
-        try:
-            with Path(path).open("rb") as file:
-                while chunk := file.read(1 << 20):
-                    digest.update(chunk)
-        except OSError as error:
-            raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
-    return digest.hexdigest()
 
 
 def effects_in(path: str | Path) -> tuple[type[Effect], ...]:

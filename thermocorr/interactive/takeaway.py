@@ -1,56 +1,29 @@
-"""A session in a file: the log's fingerprint, the steps and the model; it opens again where it ended."""
+"""What is taken away: the script that repeats the session, the model, corrected readings, the report."""
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
-import json
 import tempfile
-import zipfile
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..files import Outputs, write_file
-from ..files.codec import ModelFileError, fields, integer, items, parse, read_bytes, render, text
+from ..files.codec import ModelFileError, fields, integer, items
 from ..files.effect_nodes import ImportNotAllowedError
 from ..files.model_file import content_of
 from ..files.result_files import write_corrected
-from ..firmware import export_c
-from ..foreign import HowToRead
 from ..pages import Answer
 from ..pages.report import report_text
-from ..records import RecordError
 from ..records.errors import printable
-from .acts import Act, Add, Arrangement, Mark, ModelSettings, Past, act_of, shape_of
+from .acts import Act, Add, Arrangement, LeaveOut, Past, act_of
 from .bench import Bench
-from .learning import RUNS, Fitted, quietly
-from .source import SAMPLES, ReadLog, built_in, fingerprint, opened
-from .tiles import Store
+from .learning import Fitted, quietly
+from .source import SAMPLES, ReadLog
 
-FORMAT, VERSION = "thermocorr session", 1
-SWITCHES = ("sort", "skip_bad_rows", "drop_duplicates")
 OWN = "Give the file of your own effects, as you did before: --effects my_effects.py"
-
-
-def session_text(bench: Bench) -> str:
-    """A session as JSON."""
-    found = bench.current
-    settings = asdict(bench.settings)
-    if isinstance(settings["time_constants"], tuple):
-        settings["time_constants"] = list(settings["time_constants"])
-    node = {
-        "format": FORMAT,
-        "version": VERSION,
-        "log": bench.source.node(),
-        "settings": settings,
-        "past": past_node(bench.past),
-        "model": None if found is None else content_of(found.model, data=(found.data.X, found.data.learned)).decode(),
-    }
-    return render(node) + "\n"
 
 
 def past_node(past: Past) -> dict[str, Any]:
@@ -66,7 +39,7 @@ def with_past(bench: Bench, node: Any) -> Bench:
 
     def label(effect: Any, where: str) -> str:
         try:
-            return bench.codec.unpack(effect, where, learned=False).label()
+            return bench.codec.unpack(effect, where).label()
         except ImportNotAllowedError:
             raise ModelFileError(OWN) from None
 
@@ -79,80 +52,6 @@ def with_past(bench: Bench, node: Any) -> Bench:
         raise ModelFileError("$.past.versions holds nothing")
     bench.past = Past(versions, integer(node["at"], "$.past.at", 0, len(versions) - 1))
     return bench
-
-
-def is_session(path: str | Path) -> bool:
-    """True if a file is a session, by its name and its first characters."""
-    path = Path(path)
-    if path.suffix.lower() != ".json" or not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return f'"format": "{FORMAT}"'.encode() in file.read(200)
-
-
-def reopened(path: str | Path, store: Store, own: Sequence[type[Effect]] = (), own_file: str = "") -> Bench:
-    """The bench of a session file, at its last step, not yet fitted.
-
-    Raises ModelFileError for a file that is damaged, or no session. Raises RecordError where the log has gone, or is
-    another one than it was.
-    """
-    try:
-        node = fields(parse(read_bytes(path)), "$", ("format", "version", "log", "settings", "past", "model"))
-        if node["format"] != FORMAT or node["version"] != VERSION:
-            raise ModelFileError(f"it says {node['format']!r}, version {node['version']!r}: not one of this program")
-        settings = _settings(node["settings"])
-        bench = Bench(_source(node["log"], Path(path).parent), store, settings=settings, own=own, own_file=own_file)
-        return with_past(bench, node["past"])
-    except ModelFileError as error:
-        raise ModelFileError(f"{path} is no session that can be opened: {error}.") from None
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}.") from None
-
-
-def _source(node: Any, folder: Path) -> ReadLog:
-    node = fields(node, "$.log", (), ("built_in", "files", "how", "join", "sha256"))
-    if "built_in" in node:
-        if node["built_in"] not in SAMPLES:
-            raise RecordError(
-                "This session was held on data in memory, which are not in its file. Open a log's session."
-            )
-        return built_in(node["built_in"])
-    node = fields(node, "$.log", ("files", "how", "join", "sha256"))
-    names = [text(name, "$.log.files") for name in items(node["files"], "$.log.files")]
-    if not names or any(name.startswith(("\\\\", "//")) for name in names):
-        raise ModelFileError("$.log.files names no file of this machine")
-    if len(set(names)) < len(names):
-        raise ModelFileError("$.log.files names a file twice")
-    paths = [_there(name, folder) for name in names]
-    if fingerprint(paths) != node["sha256"]:  # before anything in the file is looked at
-        raise RecordError(
-            f"{', '.join(names)} is not the log of this session any more: its content has changed since. Open the log "
-            "itself to begin anew."
-        )
-    known = tuple(item.name for item in dataclasses.fields(HowToRead))
-    given = fields(node["how"], "$.log.how", (), known)
-    for name, value in given.items():
-        if name in ("no_times", "names", "missing"):
-            given[name] = tuple(text(item, f"$.log.how.{name}") for item in items(value, f"$.log.how.{name}"))
-        elif (type(value) is not bool) if name in SWITCHES else (value is not None and not isinstance(value, str)):
-            raise ModelFileError(f"$.log.how.{name} holds {value!r}, which does not belong there")
-    return opened(paths, HowToRead(**given), join=bool(node["join"]))
-
-
-def _there(name: str, folder: Path) -> str:
-    """A log where it was, or next to the session's file."""
-    return name if Path(name).exists() or not (folder / Path(name).name).exists() else str(folder / Path(name).name)
-
-
-def _settings(node: Any) -> ModelSettings:
-    given = fields(node, "$.settings", tuple(item.name for item in dataclasses.fields(ModelSettings)))
-    shape = shape_of(given, "$.settings")
-    if type(given["screen"]) is not bool:
-        raise ModelFileError("$.settings.screen is neither true nor false")
-    for name in ("sampling_period", "max_gap"):
-        if given[name] is not None and not isinstance(given[name], int | float | str):
-            raise ModelFileError(f"$.settings.{name} is no span of time")
-    return ModelSettings(**{**given, **dataclasses.asdict(shape)})
 
 
 class Chapter(NamedTuple):
@@ -170,23 +69,6 @@ def script(bench: Bench, found: Fitted) -> str:
     return "\n".join(["# Written by thermocorr", *parts]) + "\n"
 
 
-def notebook(bench: Bench, found: Fitted) -> str:
-    """The session as a Jupyter notebook."""
-    cells = [_cell("markdown", f"# {_title(bench.source)}")]
-    for chapter in chapters(bench, found):
-        cells += [_cell("markdown", chapter.text), _cell("code", chapter.code)]
-    cells.append(_cell("code", "diagnosis.plot(X)  # needs matplotlib: pip install matplotlib"))
-    cells = [{**cell, "id": f"cell-{number}"} for number, cell in enumerate(cells)]
-    metadata = {"generator": "thermocorr", "language_info": {"name": "python"}}
-    return json.dumps({"nbformat": 4, "nbformat_minor": 5, "metadata": metadata, "cells": cells}, indent=1) + "\n"
-
-
-def _cell(kind: str, text: str) -> dict[str, Any]:
-    if kind == "markdown":  # what a name holds is no markup
-        return {"cell_type": kind, "metadata": {}, "source": text.replace("&", "&amp;").replace("<", "&lt;")}
-    return {"cell_type": kind, "metadata": {}, "source": text, "outputs": [], "execution_count": None}
-
-
 def _title(source: ReadLog) -> str:
     return f"The thermal bias of {printable(source.name)}, as it was learned on the workbench."
 
@@ -198,13 +80,12 @@ def chapters(bench: Bench, found: Fitted) -> list[Chapter]:
     steps = [
         f"{number}. {printable(act.sentence())}"
         for number, act in enumerate(bench.acts, 1)
-        if isinstance(act, Add | Mark)
+        if isinstance(act, Add | LeaveOut)
     ]
     done = "\n".join(["The model, and what was done:", *steps]) if steps else "The model."
     return [
         Chapter("What it needs.", _imports(source, effects, bench.own_file)),
         Chapter("The log.", _log(source, arrangement)),
-        *([Chapter("Rows that were marked.", marks)] if (marks := _marks(arrangement)) else []),
         Chapter(done, _model_text(found, effects)),
         Chapter("What is missing.", "diagnosis = diagnose(model, X, learned)\nprint(diagnosis)"),
         Chapter("How large the error is: in sample, on blocks held out, and on later data.", _ERRORS),
@@ -259,21 +140,6 @@ def _log(source: ReadLog, arrangement: Arrangement) -> str:
         ]
     own = [] if roles.reading == roles.temperature else [roles.reading]
     lines.append(f"X, y = log.drop(columns={[*own, *roles.ignored]!r}), log[{roles.reading!r}]")
-    return "\n".join(lines)
-
-
-def _marks(arrangement: Arrangement) -> str:
-    lines = []
-    if arrangement.spikes:
-        lines += ["y = y.astype(float)", f"y.iloc[{list(arrangement.spikes)}] = np.nan  # spikes"]
-    if arrangement.own_runs:
-        roles = arrangement.roles
-        before = 'f"{run}, "' if roles and roles.run else '""'
-        runs = f"X[{roles.run!r}]" if roles and roles.run else "y"
-        lines += ["part = np.ones(len(X), int)"]
-        lines += [f"part[{a}:] += 1\npart[{b}:] += 1" for a, b in arrangement.own_runs]
-        lines.append(f'labels = [{before} + f"part {{number}}" for run, number in zip({runs}, part)]')
-        lines.append(f"X = X.assign(**{{{RUNS!r}: labels}})")
     return "\n".join(lines)
 
 
@@ -351,27 +217,9 @@ def _report(bench: Bench, found: Fitted, path: Path) -> str:
     return report_text(found.model, found.data.X, found.data.y, answer)
 
 
-def _firmware(bench: Bench, found: Fitted, path: Path) -> None:
-    folder = path.with_suffix("")
-    export_c(found.model, folder)
-    with Outputs() as outputs, zipfile.ZipFile(outputs.open(path), "w", zipfile.ZIP_DEFLATED) as packed:
-        for part in sorted(folder.iterdir()):
-            packed.write(part, part.name)
-
-
 KINDS = {
     "script": Kind("session.py", "text/x-python", "Python script", lambda bench, found, _: script(bench, found)),
-    "notebook": Kind(
-        "session.ipynb", "application/x-ipynb+json", "Notebook", lambda bench, found, _: notebook(bench, found)
-    ),
-    "model": Kind(
-        "model.json",
-        "application/json",
-        "model.json",
-        lambda _, found, __: content_of(found.model, data=(found.data.X, found.data.learned)),
-    ),
+    "model": Kind("model.json", "application/json", "model.json", lambda _, found, __: content_of(found.model)),
     "corrected": Kind("corrected.csv", "text/csv", "corrected.csv", _corrected),
     "report": Kind("report.html", "text/html", "Report page", _report),
-    "firmware": Kind("firmware.zip", "application/zip", "C source", _firmware),
-    "session": Kind("session.json", "application/json", "Session file", lambda bench, *_: session_text(bench)),
 }

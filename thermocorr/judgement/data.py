@@ -13,16 +13,16 @@ from ..effects import CATALOGUE, LagProducts, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..equations.noise import made_from, shows_the_same
-from ..estimators.averages import rms, with_exact
+from ..estimators.averages import rms
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Block, Log, ParquetLog, Record, read_record
+from ..records import Block, Log, ParquetLog, Record, RecordError, read_record
 from ..records.errors import listing, warn
-from ..records.history import Thinned, thinned
+from ..records.history import in_memory
 from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
 from ..records.types import kind_of
-from .levels import APART, FASTEST, FEWEST_SAMPLES, FINE, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
+from .levels import APART, FASTEST, FEWEST_SAMPLES, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
@@ -83,24 +83,10 @@ def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> t
     `model` (DynamicBiasRegressor): Fitted. `read` (Record): The user's record with its readings, see `record_of`.
     `judged` (Record): What `suspect_record` made of it.
     """
-    if isinstance(judged, Thinned) and not isinstance(read, Thinned):
-        return _averages(model, read, judged)
     residual = np.full(read.n_rows, np.nan)
     for block, values in _blocks(model, read, judged):
         residual[block.rows] = values
-    return residual, single_rms(residual, judged) if isinstance(judged, Thinned) else rms(residual)
-
-
-def _averages(model: DynamicBiasRegressor, read: Record, judged: Thinned) -> tuple[np.ndarray, float]:
-    """`residuals_of` a record that is judged by averages of its rows."""
-    sums, counts, squares, n = np.zeros(judged.n_rows), np.zeros_like(judged.counts), 0.0, 0
-    for block, values in _blocks(model, read, judged):
-        known = values[np.isfinite(values)]
-        squares, n = squares + float(known @ known), n + len(known)
-        _added(judged, block.places, values, sums, counts)
-    means = np.divide(sums, counts, out=sums, where=counts > 0)
-    means[counts == 0] = np.nan
-    return means, float(np.sqrt(squares / max(n, 1)))
+    return residual, rms(residual)
 
 
 def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterator[tuple[Block, np.ndarray]]:
@@ -111,17 +97,6 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
         if len(places):
             values[np.isin(block.places, places)] = np.nan
         yield block, values
-
-
-def _added(record: Thinned, rows: np.ndarray, values: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> None:
-    """Add values of rows of the longer record, in time order, to the sums and counts of the rows they fall into."""
-    place = record.places_of(rows)
-    inside = (place >= 0) & np.isfinite(values)
-    if inside.any():
-        place = place[inside]
-        low, high = int(place.min()), int(place.max()) + 1
-        sums[low:high] += np.bincount(place - low, values[inside], high - low)
-        counts[low:high] += np.bincount(place - low, minlength=high - low).astype(counts.dtype)
 
 
 def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:
@@ -138,12 +113,6 @@ def quiet_rows(residual: np.ndarray, record: Record, loud: Sequence[tuple[float,
     return residual[np.all([(seconds < start) | (seconds > end) for start, end in loud], axis=0)]
 
 
-def single_rms(residual: np.ndarray, record: Thinned) -> float:
-    """Rms residual of single readings, from that of averages and what they do not show."""
-    known = np.isfinite(residual)
-    return float(np.sqrt(np.average(residual[known] ** 2, weights=record.counts[known]) + record.unseen))
-
-
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
     """The user's record with its readings and the columns that model and further effects use."""
     check_columns(model.features_, as_fitted(model, X), reset=False)
@@ -153,20 +122,16 @@ def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Eff
     return model._without_spoilt(read)
 
 
-def suspect_record(
-    model: DynamicBiasRegressor,
-    read: Record,
-    X: Any,
-    y: Any,
-    columns: Sequence[Any] | None,
-    exactly: Sequence[Effect],
-    most: int | None = None,
-) -> Record:
-    """A record of `record_of` in at most `most` rows, with every suspect column beside its own.
+def suspect_record(model: DynamicBiasRegressor, read: Record, X: Any, y: Any, columns: Sequence[Any] | None) -> Record:
+    """A record of `record_of` in memory, with every suspect column beside its own.
 
-    Where its rows are averages, those of the columns of `exactly` these effects are computed in the longer record. Its
-    `refused` rows are left out as the model leaves them out in its fit, or only named.
+    Its `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
+    if read.n_used > MOST_ROWS:
+        raise RecordError(
+            f"The record has {read.n_used} rows, and a diagnosis holds at most {MOST_ROWS} in memory. Average them "
+            "first, such as frame.resample('1min').mean(), fit a model to these rows, and diagnose it."
+        )
     layout = model.features_.layout()
     special = {layout.time, layout.run, layout.reference, getattr(y, "name", None) if isinstance(X, Log) else None}
     if columns is None:
@@ -175,7 +140,7 @@ def suspect_record(
     told = screened(read, model.features_.longest_step())[0]
     read = told if model.screen else replace(read, refused=told.refused)
     suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
-    short, sound = thinned(read, suspects, most or MOST_ROWS)
+    short, sound = in_memory(read, suspects)
     values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}
     holey = [name for name in suspects if 0 < sound[name] <= MOST_SOUND]
     if holey:
@@ -202,11 +167,7 @@ def suspect_record(
             "same, leave it out of X: it explains the reading, and correcting by it takes away what is to be measured."
         )
     kept = {**{name: short.columns[name] for name in read.columns}, **known}
-    found = filled(replace(short, columns=kept, known_moments={}), used=read.columns)
-    if isinstance(found, Thinned) and short is not read and not isinstance(read, Thinned):
-        own = [clone(effect) for effect in (*exactly, *model.features_.effect_list())]
-        return with_exact(found, read, own, FINE)
-    return found
+    return filled(replace(short, columns=kept, known_moments={}), used=read.columns)
 
 
 def _recorded(X: Any, name: Any) -> Any:

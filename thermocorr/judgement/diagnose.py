@@ -241,7 +241,7 @@ def diagnose(
         X = as_data(X)
         seen, read = as_fitted(model, X), record_of(model, X, y, given_effects(suspects))
         base = ThermalBase.of(model, read)
-        record = suspect_record(model, read, X, y, columns, [*base.effects, *base.slow])
+        record = suspect_record(model, read, X, y, columns)
         candidates = candidates_of(record, (*exclude, *DATED), suspects)
         pool = Pool(model, record, base, candidates)
         asked = {key_of(effect) for effect in given_effects(suspects)}  # these are tried, whatever the record shows
@@ -266,7 +266,7 @@ def out_of_sample(model: DynamicBiasRegressor, X: Any, y: Any) -> OutOfSample:
     with one_blas_thread():
         read = record_of(model, X, y)
         base = ThermalBase.of(model, read)
-        record = suspect_record(model, read, X, y, None, [*base.effects, *base.slow])
+        record = suspect_record(model, read, X, y, None)
         return Pool(model, record, base, []).out_of_sample
 
 

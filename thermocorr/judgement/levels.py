@@ -43,8 +43,7 @@ PLACES_BEYOND = 3.0
 # What is looked at
 
 MOST_ROWS = 4_000_000
-"""Rows that are judged as they are: longer records are averaged over short stretches first. A column of averaged
-temperatures is not the average of a column: two million rows in pairs left a second hysteresis of one."""
+"""Rows of a record that is judged, at most: all of them are in memory."""
 MOST_SOUND = 0.95
 """Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000

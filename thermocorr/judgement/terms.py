@@ -38,7 +38,6 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.run_levels import is_level
 from ..estimators.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
-from ..records.history import Thinned
 from .data import ThermalBase
 from .levels import (
     BATCH,
@@ -395,17 +394,13 @@ class Pool:
 
     @cached_property
     def thermometers(self) -> pd.DataFrame:
-        """Effect of thermometer errors on the reading, see `thermocorr.validation.thermometer_errors`.
-
-        Empty for averages, which hide them.
-        """
-        hidden = isinstance(self.record, Thinned)
-        return pd.DataFrame() if hidden else thermometer_errors(self.model, self.record)
+        """Effect of thermometer errors on the reading, see `thermocorr.validation.thermometer_errors`."""
+        return thermometer_errors(self.model, self.record)
 
     @cached_property
     def rounding(self) -> float:
         """Step of the reading, to which it is rounded; 0 where it has none, and for averages, which hide it."""
-        if isinstance(self.record, Thinned) or self.record.reading is None or self.data.counts.max() > 1:
+        if self.record.reading is None or self.data.counts.max() > 1:
             return 0.0
         rows = [self.record.kept(segment.start, segment.stop) for segment in self.record.segments]
         parts = [np.asarray(self.record.reading[each], float) for each in rows]

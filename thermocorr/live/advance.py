@@ -117,7 +117,8 @@ class Stream:
 
     def put(self, state: StreamState) -> None:
         """Go on where `state` was taken."""
-        self.last, self._run, self._seen = state.last, state.run, list(state.seen)
+        self.last: Any = state.last
+        self._run, self._seen = state.run, list(state.seen)
         self._open, self._until = state.open, -math.inf
         self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
         for (_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):

@@ -32,7 +32,7 @@ from .samples import (
     refused_rows,
     stretches,
 )
-from .state import StreamPlace, StreamSettings, StreamState, from_json, to_json
+from .state import StreamFile, StreamState, from_json, model_mark, to_json
 from .uncertain import LiveErrors
 
 
@@ -121,9 +121,13 @@ class OnlineCorrector:
         """All that is needed to go on later, in another process: a dict for `json.dumps`."""
         average = None if self.average is None else self.average.count
         track = None if self.track is None else self.track.time_constant
-        settings = StreamSettings(self.continues, average, track, self.errors is not None)
-        place = StreamPlace(self._stream.clock.next_row, self._placed)
-        return to_json(self.model, self._stream.effects, settings, place, self._state(), self._doubt)
+        return to_json(
+            StreamFile(
+                model=model_mark(self.model), continues=self.continues, average=average, track=track,
+                uncertainty=self.errors is not None, next_row=self._stream.clock.next_row, placed=self._placed,
+                state=self._state(), doubt=self._doubt,
+            )
+        )  # fmt: skip
 
     @classmethod
     def from_state(cls, model: DynamicBiasRegressor, state: dict[str, Any]) -> Self:
@@ -134,17 +138,12 @@ class OnlineCorrector:
         ModelFileError
             A ValueError: the state is damaged, or belongs to another model.
         """
-        settings, place, now, doubt = from_json(model, state)
-        corrector = cls(
-            model,
-            average=settings.average,
-            track=settings.track,
-            continues=settings.continues,
-            uncertainty=settings.uncertainty,
-        )
-        corrector._stream.clock.next_row, corrector._placed = place
-        corrector._put(now)
-        corrector._doubt = doubt
+        known = from_json(model, state)
+        settings = {"average": known.average, "track": known.track, "uncertainty": known.uncertainty}
+        corrector = cls(model, continues=known.continues, **settings)  # type: ignore[arg-type]
+        corrector._stream.clock.next_row, corrector._placed = known.next_row, known.placed
+        corrector._put(known.state)
+        corrector._doubt = known.doubt
         return corrector
 
     def _state(self) -> StreamState:
@@ -205,12 +204,6 @@ class OnlineCorrector:
     def stamp(self, time: Any) -> Any:
         """A sample's time as a number on the clock of the fitted record; RecordError for a time of another kind."""
         return self._stream.clock.stamp(time)
-
-    def has_seen(self, stamp: Any, run: Any) -> bool:
-        """True if a sample of this time would be refused: it does not lie after the last one of its run."""
-        if self._doubt is not None and self._stream.returns_behind(self._doubt, stamp, run):
-            return False  # it tells that the last one's time was false
-        return self._stream.step_to(stamp, run) <= 0.0
 
     # ------------------------------------------------------------------------------------------------- one by one
 

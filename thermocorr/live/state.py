@@ -3,90 +3,73 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal
 
 from ..effects import Effect
 from ..estimators import DynamicBiasRegressor
-from ..files.codec import (
-    ModelFileError,
-    counted,
-    fields,
-    integer,
-    items,
-    label,
-    number,
-    numbers,
-    pack,
-    positive,
-    unexpected,
-    unpack,
-)
+from ..files.codec import ModelFileError, read, write
 from ..files.effect_nodes import EffectCodec, check_state
-from ..files.error_nodes import numbers_or_nan
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
 from ..records.grammar import LARGEST
+from ..records.hints import Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
 from .uncertain import LiveErrors
 
-_MOST_CORRECTED = 1e300
-"""Bound of corrected readings, which hold states times coefficients; sums of them are numbers."""
-FORMAT = "thermocorr stream 3"
-EMPTY_ODD = EMPTY.index(0.0)
-"""The number of a gate that is never missing."""
+Stand = Annotated[int, within(AGREED, BELIEVED_AGAIN)]
+Time = Annotated[Stamp, within(-LARGEST, LARGEST)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class StreamState:
     """A stream between two samples."""
 
-    last: Any = None
+    last: Time | None = None
     """Stamp of the last sample; None before the first."""
-    run: Any = None
+    run: RunLabel = None
     """Label of its run."""
-    seen: tuple[Any, ...] = ()
+    seen: tuple[RunLabel, ...] = ()
     """Labels of all runs so far."""
     open: bool = False
     """True if a segment goes on: the last sample had all that the effects need."""
-    key: int | None = None
+    key: Counted | None = None
     """Fitted segment that it belongs to."""
-    segment_zero: Any = 0
+    segment_zero: Time = 0
     """Stamp of its first sample."""
     states: tuple[Any, ...] = ()
     """State of each effect, where a segment goes on."""
-    behind_gap: tuple[tuple[float, ...] | None, ...] = ()
+    behind_gap: tuple[tuple[Number, ...] | None, ...] = ()
     """Covariance of what the lags of each column feel of gaps, row by row; none where that is forgotten."""
-    gates: tuple[tuple[float, ...], ...] = ()
+    gates: tuple[tuple[Loose, ...], ...] = ()
     """What the gate of each input remembers."""
-    gated: Any = None
+    gated: RunLabel = None
     """Label of the run that the gates judge."""
-    doubts: tuple[tuple[int, ...], float] | None = None
+    doubts: tuple[tuple[Stand, ...], Loose] | None = None
     """How each input stands, and when the two courses were apart last [s]; None where there is one course."""
     twin: tuple[Any, ...] | None = None
     """States of the effects with other values in the place of those that were doubted; None where they agree."""
-    averaged: tuple[float, ...] = ()
+    averaged: tuple[Large, ...] = ()
     """Values in the window of the moving average."""
-    tracked: tuple[float, float | None] | None = None
+    tracked: tuple[Large, Number | None] | None = None
     """The tracked reference, and when it was moved last [s]."""
 
 
-@dataclass(frozen=True)
-class StreamSettings:
-    """Settings of a stream."""
+@dataclass(frozen=True, kw_only=True)
+class StreamFile:
+    """All of a stream: its settings, its place among rows without times, its state, and the one to return to."""
 
+    format: Literal["thermocorr stream 3"] = "thermocorr stream 3"
+    model: str
+    """`model_mark` of its model."""
     continues: bool
-    average: int | None
-    track: float | None
-    uncertainty: bool = False
-
-
-class StreamPlace(NamedTuple):
-    """Position of a stream in a record without times."""
-
-    next_row: int
-    sure: bool
+    average: Annotated[int, within(1, 1 << 24)] | None
+    track: Positive | None
+    uncertainty: bool
+    next_row: Counted
+    placed: bool
     """False until a sample has told; until then rows are counted from the first after the fitted ones."""
+    state: StreamState
+    doubt: StreamState | None
 
 
 def model_mark(model: DynamicBiasRegressor) -> str:
@@ -96,180 +79,60 @@ def model_mark(model: DynamicBiasRegressor) -> str:
     return hashlib.sha256(said.encode() + model.coef_.astype("<f8").tobytes()).hexdigest()
 
 
-def to_json(
-    model: DynamicBiasRegressor,
-    effects: Sequence[Effect],
-    settings: StreamSettings,
-    place: StreamPlace,
-    state: StreamState,
-    doubt: StreamState | None,
-) -> dict[str, Any]:
-    """All of a stream as plain values for `json.dumps`; `effects` are those that its states belong to."""
-    return {
-        "format": FORMAT,
-        "model": model_mark(model),
-        "continues": settings.continues,
-        "average": settings.average,
-        "track": settings.track,
-        **({"uncertainty": True} if settings.uncertainty else {}),
-        "next_row": place.next_row,
-        "placed": place.sure,
-        "state": _packed(state, effects),
-        "doubt": None if doubt is None else _packed(doubt, effects),
-    }
+def to_json(stream: StreamFile) -> dict[str, Any]:
+    """All of a stream as plain values for `json.dumps`."""
+    node: dict[str, Any] = write(StreamFile, stream, "the stream")
+    return node
 
 
-_FIELDS = ("format", "model", "continues", "average", "track", "next_row", "placed", "state", "doubt")
-_STATE_FIELDS = tuple(StreamState.__dataclass_fields__)
-
-
-def from_json(
-    model: DynamicBiasRegressor, node: Any
-) -> tuple[StreamSettings, StreamPlace, StreamState, StreamState | None]:
-    """Settings, place of the next row, state and the state to return to; every value is checked."""
+def from_json(model: DynamicBiasRegressor, node: Any) -> StreamFile:
+    """The stream that `to_json` wrote for this model; every value is checked."""
     try:
-        node = fields(node, "$", _FIELDS, ("uncertainty",))
-        if node["format"] != FORMAT:
-            raise unexpected("$.format", repr(node["format"])[:60], repr(FORMAT))
-        if node["model"] != model_mark(model):
-            raise ModelFileError("it belongs to another model")
-        average = None if node["average"] is None else integer(node["average"], "$.average", 1)
-        track = None if node["track"] is None else positive(node["track"], "$.track")
-        uncertain = "uncertainty" in node and _truth(node, "$", "uncertainty")
-        settings = StreamSettings(_truth(node, "$", "continues"), average, track, uncertain)
-        effects = LiveErrors(model).effects if uncertain else model.features_.effect_list()
-        doubt = None if node["doubt"] is None else _unpacked(node["doubt"], "$.doubt", model, effects, settings)
-        state = _unpacked(node["state"], "$.state", model, effects, settings)
-        place = StreamPlace(counted(node["next_row"], "$.next_row"), _truth(node, "$", "placed"))
-        return settings, place, state, doubt
-    except ModelFileError as error:
+        found: StreamFile = read(StreamFile, node, "$", EffectCodec().unpack)
+        _require(found.model == model_mark(model), "it belongs to another model")
+        effects = LiveErrors(model).effects if found.uncertainty else model.features_.effect_list()
+        for state in (found.state, found.doubt):
+            if state is not None:
+                _check(state, model, effects, found)
+        _require(to_json(found) == node, "it is not as thermocorr writes it")
+    except (ModelFileError, ValueError, TypeError) as error:
         raise ModelFileError(
             f"The stream cannot go on from this state: {error}. Start afresh with OnlineCorrector(model)."
         ) from None
+    return found
 
 
-def _packed(state: StreamState, effects: Sequence[Effect]) -> dict[str, Any]:
-    return {
-        "last": state.last,
-        "run": pack(state.run, "the label of the run"),
-        "seen": [pack(run, "the label of a run") for run in state.seen],
-        "open": state.open,
-        "key": state.key,
-        "segment_zero": state.segment_zero,
-        "states": _packed_states(state.states, effects),
-        "behind_gap": [None if each is None else list(each) for each in state.behind_gap],
-        "gates": [[None if math.isnan(value) else value for value in each] for each in state.gates],
-        "gated": pack(state.gated, "the label of the run"),
-        "doubts": None if state.doubts is None else [*state.doubts[0], state.doubts[1]],
-        "twin": None if state.twin is None else _packed_states(state.twin, effects),
-        "averaged": list(state.averaged),
-        "tracked": None if state.tracked is None else list(state.tracked),
-    }
-
-
-def _packed_states(states: Sequence[Any], effects: Sequence[Effect]) -> list[Any]:
-    pairs = zip(effects, states, strict=False)
-    return [pack(inner, f"the state of {effect.label()!r}") for effect, inner in pairs]
-
-
-def _unpacked_states(node: Any, where: str, effects: Sequence[Effect]) -> tuple[Any, ...]:
-    codec, states = EffectCodec(), []
-    for i, packed in enumerate(items(node, where, len(effects))):
-        states.append(unpack(packed, f"{where}[{i}]", codec.unpack_nested))
-        check_state(effects[i], states[-1], f"{where}[{i}]")
-    return tuple(states)
-
-
-def _unpacked(
-    node: Any, where: str, model: DynamicBiasRegressor, effects: Sequence[Effect], settings: StreamSettings
-) -> StreamState:
-    node = fields(node, where, _STATE_FIELDS)
+def _check(state: StreamState, model: DynamicBiasRegressor, effects: Sequence[Effect], stream: StreamFile) -> None:
+    """Refuse a state whose parts do not belong together, or not to the model."""
     history = model.features_.history_
-
-    def stamp(key: str) -> Any:
-        place = f"{where}.{key}"
-        if history.kind == "seconds":
-            return number(node[key], place, -LARGEST, LARGEST)
-        return counted(node[key], place) if history.kind == "rows" else integer(node[key], place)
-
-    is_open = _truth(node, where, "open")
-    if is_open and node["last"] is None:
-        raise unexpected(f"{where}.last", "null", "a time")
-    states = _unpacked_states(node["states"], f"{where}.states", effects if is_open else ())
-    twin = None if node["twin"] is None else _unpacked_states(node["twin"], f"{where}.twin", effects if is_open else ())
-    segments = len(history.record.segments)
-    averaged = items(node["averaged"], f"{where}.averaged")
-    if len(averaged) > (settings.average or 0):
-        raise unexpected(f"{where}.averaged", f"{len(averaged)} values", f"at most {settings.average or 0}")
-    return StreamState(
-        last=None if node["last"] is None else stamp("last"),
-        run=label(unpack(node["run"], f"{where}.run"), f"{where}.run"),
-        seen=tuple(
-            label(unpack(run, f"{where}.seen"), f"{where}.seen") for run in items(node["seen"], f"{where}.seen")
+    inputs = 0 if history.screen is None else sum(one.motion is not None for one in history.screen.inputs.values())
+    kind = float if history.kind == "seconds" else int
+    stamps: list[Any] = [state.last] * (state.last is not None) + [state.segment_zero] * state.open
+    laws, segments = len(state.behind_gap), len(history.record.segments)
+    widths = [None if each is None else len(each) for each in state.behind_gap]
+    wanted = [len(law.weights) ** 2 for law in model._gap_error().laws] if laws else []
+    twin, n = state.twin, len(effects) if state.open else 0
+    for right, what in (
+        (all(type(stamp) is kind for stamp in stamps) and (state.last is not None or not state.open), "last"),
+        (history.kind != "rows" or all(0 <= stamp < 1 << 53 for stamp in stamps), "last, or segment_zero,"),
+        (state.key is None or state.key < segments, "key"),
+        (len(state.states) == n and len(twin or state.states) == n, "states"),
+        (
+            (state.doubts is not None) == (twin is not None) and len((state.doubts or ([0] * inputs,))[0]) == inputs,
+            "doubts",
         ),
-        open=is_open,
-        key=None if node["key"] is None else integer(node["key"], f"{where}.key", 0, segments - 1),
-        segment_zero=stamp("segment_zero") if is_open else 0,
-        states=states,
-        behind_gap=_behind_gap(node["behind_gap"], f"{where}.behind_gap", model),
-        gates=_gates(node["gates"], f"{where}.gates", model),
-        gated=label(unpack(node["gated"], f"{where}.gated"), f"{where}.gated"),
-        doubts=None if twin is None else _doubts(node["doubts"], f"{where}.doubts", model),
-        twin=twin,
-        averaged=tuple(_corrected(value, f"{where}.averaged[{i}]") for i, value in enumerate(averaged)),
-        tracked=_tracked(node["tracked"], f"{where}.tracked", settings),
-    )
+        (not state.gates or [len(gate) for gate in state.gates] == [len(EMPTY)] * inputs, "gates"),
+        (all(gate[3] == gate[3] for gate in state.gates), "gates"),  # the one number that is never missing
+        (len(widths) == len(wanted) and all(a in (None, b) for a, b in zip(widths, wanted, strict=True)), "behind_gap"),
+        (len(state.averaged) <= (stream.average or 0), "averaged"),
+        ((state.tracked is None) == (stream.track is None), "tracked"),
+    ):
+        _require(right, f"$.state.{what} does not fit the model")
+    for states in (state.states, twin or ()):
+        for effect, one in zip(effects, states, strict=False):
+            check_state(effect, one, "$.state.states")
 
 
-def _inputs(model: DynamicBiasRegressor) -> int:
-    """Number of inputs with a gate."""
-    screen = model.features_.history_.screen
-    return 0 if screen is None else sum(one.motion is not None for one in screen.inputs.values())
-
-
-def _doubts(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[int, ...], float]:
-    *stands, apart = items(node, where, _inputs(model) + 1)
-    found = tuple(integer(value, f"{where}[{i}]", AGREED, BELIEVED_AGAIN) for i, value in enumerate(stands))
-    return found, number(apart, f"{where}[{len(stands)}]", -LARGEST, LARGEST)
-
-
-def _gates(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...], ...]:
-    if node == []:
-        return ()
-    found = []
-    for i, each in enumerate(items(node, where, _inputs(model))):
-        found.append(tuple(numbers_or_nan(each, f"{where}[{i}]", len(EMPTY))))
-        if found[-1][EMPTY_ODD] != found[-1][EMPTY_ODD]:
-            raise unexpected(f"{where}[{i}][{EMPTY_ODD}]", "null", "a number")
-    return tuple(found)
-
-
-def _behind_gap(node: Any, where: str, model: DynamicBiasRegressor) -> tuple[tuple[float, ...] | None, ...]:
-    if node == []:
-        return ()
-    laws = model._gap_error().laws
-    return tuple(
-        None
-        if each is None
-        else tuple(numbers(each, f"{where}[{i}]", len(law.weights) ** 2, -LARGEST, LARGEST).tolist())
-        for i, (each, law) in enumerate(zip(items(node, where, len(laws)), laws, strict=True))
-    )
-
-
-def _tracked(node: Any, where: str, settings: StreamSettings) -> tuple[float, float | None] | None:
-    if settings.track is None:
-        return None
-    value, last = items(node, where, 2)
-    moved = None if last is None else number(last, f"{where}[1]", -LARGEST, LARGEST)
-    return _corrected(value, f"{where}[0]"), moved
-
-
-def _corrected(value: Any, where: str) -> float:
-    return number(value, where, -_MOST_CORRECTED, _MOST_CORRECTED)
-
-
-def _truth(node: dict[str, Any], where: str, key: str) -> bool:
-    value = node[key]
-    if value is True or value is False:
-        return value
-    raise unexpected(f"{where}.{key}", repr(value)[:60], "true or false")
+def _require(right: bool, wrong: str) -> None:
+    if not right:
+        raise ModelFileError(wrong)

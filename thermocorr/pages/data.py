@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._version import __version__
-from ..displays import AllanDisplay, ContributionsDisplay, ResidualLoopDisplay, StepResponseDisplay
+from ..displays import AllanDisplay, ContributionsDisplay, StepResponseDisplay
 from ..displays.axes import TimeLine, Walk
 from ..displays.residual_displays import added_noise_shown
 from ..effects.thermal import column_text
@@ -58,8 +58,6 @@ class PageData:
     """The estimator as code."""
     allan: pd.DataFrame
     """`AllanDisplay.frame`: Allan deviation before and after correction."""
-    loop: pd.DataFrame
-    """`ResidualLoopDisplay.frame`: mean residual and temperature of short stretches."""
     step_response: pd.DataFrame
     """`StepResponseDisplay.frame`: bias after a step of temperature by one unit."""
     shares: pd.Series
@@ -112,7 +110,6 @@ class PageData:
             thermometers=tuple((column_text(name), tuple(taus.tolist())) for name, taus in model.thermometers_.items()),
             model=repr(model),
             allan=allan.frame(),
-            loop=ResidualLoopDisplay.from_estimator(model, X, y).frame(),
             step_response=StepResponseDisplay.from_estimator(model).frame(),
             shares=ContributionsDisplay.from_estimator(model, X).rms,
             uncertainties=_uncertainties(model),

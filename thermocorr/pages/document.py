@@ -36,11 +36,10 @@ def page(data: PageData, answer: Answer) -> str:
         own = found.data or data
         series = figures.series(own, found.noise_floor, stretches(found, own.timeline))
         noise = [chart for chart in (figures.stability(own), figures.spectrum(found)) if chart is not None]
-        time = [chart for chart in (series, figures.loop(own)) if chart is not None]
-        charts += [*noise, *time]
+        charts += [*noise, series]
         body += [
             chapters.anything(found, titled("Is anything missing?"), places(noise)),
-            chapters.where(found, titled("Where does it fail?"), own, places(time)),
+            chapters.where(found, titled("Where does it fail?"), own, places([series])),
             chapters.what(found, titled("What is missing?"), own),
             chapters.cure(found, titled("What to do?")),
         ]

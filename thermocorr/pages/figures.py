@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..displays import SpectrumDisplay
 from ..displays.axes import TimeLine
 from ..estimators.time_constants.search import CONFIDENCE_95
 from ..records.numbers import SPANS, span_text, span_unit, unit_text
@@ -197,31 +196,6 @@ def stability(data: PageData) -> Chart | None:
     )
 
 
-def loop(data: PageData) -> Chart | None:
-    """Residual over temperature, while it rises and while it falls."""
-    frame = data.loop.dropna(subset=["temperature", "residual"])
-    if len(frame) < 8:
-        return None
-    rises = frame.groupby("segment")["temperature"].transform(lambda t: np.gradient(t) if len(t) > 1 else 0 * t) > 0
-    frame = frame.assign(rises=rises).sort_values("temperature", kind="stable")
-    residual = frame["residual"].to_numpy(float)
-    lines = tuple(
-        ChartLine(label, np.where(frame["rises"] == up, residual, np.nan), role, dots=True, joined=False)
-        for up, role, label in ((True, "temperature", "while it rises"), (False, "corrected", "while it falls"))
-    )
-    return Chart(
-        "loop",
-        data.temperature,
-        frame["temperature"].to_numpy(float),
-        (Panel("residual", data.unit, lines, height=260),),
-        caption=(
-            f"Means of the residual over {len(frame)} stretches of time, over the temperature. Two separate clouds are "
-            "a lag or a hysteresis that the model does not have; a common bend is a static law that it does not have."
-        ),
-        x_unit=data.temperature_unit,
-    )
-
-
 def following(data: PageData) -> Chart | None:
     """Bias after a step of temperature."""
     frame = data.step_response
@@ -243,50 +217,6 @@ def following(data: PageData) -> Chart | None:
         x_unit="samples" if data.timeline.samples else "s",
         x_log=True,
     )
-
-
-def lag_spectrum(model: Any) -> Chart | None:
-    """Coefficients of the lags over their time constants, and the spectrum that the search found."""
-    if not len(model.time_constants_):
-        return None
-    display = SpectrumDisplay.from_estimator(model)
-    lags, spectrum = display.frame(), display.spectrum
-    found = [] if spectrum is None else [spectrum["time_constant"].to_numpy(float)]
-    x = np.unique(np.concatenate((lags["time_constant"].to_numpy(float), *found)))
-    lines = []
-    if spectrum is not None:
-        at = np.searchsorted(x, spectrum["time_constant"].to_numpy(float))
-        mu, least = (_placed(x, at, spectrum[name]) for name in ("coefficient", "smallest_coefficient"))
-        lines += [ChartLine("spectrum of the search", _joined(x, mu), "model")]
-        lines += [ChartLine("too small to be seen", 0 * x, "floor", dash=True)]
-        lines += [
-            ChartLine(end, sign * _joined(x, least), "floor", edge=True) for end, sign in (("low", -1), ("high", 1))
-        ]
-    at = np.searchsorted(x, lags["time_constant"].to_numpy(float))
-    lines += [ChartLine("lags of the model", _placed(x, at, lags["coefficient"]), "corrected", dots=True, joined=False)]
-    return Chart(
-        "lags",
-        "time constant",
-        x,
-        (Panel("coefficient", display.unit, tuple(lines), height=260),),
-        caption="How much of the bias follows the temperature how late: the time constants of the model, and the "
-        "spectrum over all that were tried. In the band nothing could have been seen in this record.",
-        x_unit="samples" if display.samples else "s",
-        x_log=True,
-    )
-
-
-def _placed(x: np.ndarray, at: np.ndarray, values: Any) -> np.ndarray:
-    """Values at some of x, NaN elsewhere."""
-    found = np.full(len(x), np.nan)
-    found[at] = values
-    return found
-
-
-def _joined(x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Straight lines in log x between the values that are known."""
-    known = np.isfinite(values)
-    return np.asarray(np.interp(np.log(x), np.log(x[known]), values[known], left=np.nan, right=np.nan))
 
 
 def series_caption(data: PageData, floor: float | None, shaded: bool) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ..equations.lags import Structure
 from .errors import option
+from .hints import Column, Positive, Sizes
 from .numbers import span_text
 from .record import Block, Record
 from .times import Floats
@@ -24,12 +25,18 @@ MOST_ROWS = 200_000
 class Gaps:
     """Knowledge of gaps from a record, for it and for later rows."""
 
-    least: float
+    least: Positive
     """Steps above it are gaps [s]."""
-    lags: Floats = field(default_factory=lambda: np.zeros(1))
-    """Times [s], 0 first, shape (k,)."""
-    squares: Mapping[Any, Floats] = field(default_factory=dict)
+    lags: Sizes = field(default_factory=lambda: np.zeros(1))
+    """Times [s], 0 first, increasing, shape (k,)."""
+    squares: dict[Column, Sizes] = field(default_factory=dict)
     """Mean square of each column's changes over these times, shape (k,): its structure function."""
+
+    def __post_init__(self) -> None:
+        """Refuse times and squares that do not belong together."""
+        shapes = {np.shape(each) for each in (self.lags, *self.squares.values())}
+        if len(shapes) > 1 or np.ndim(self.lags) != 1 or self.lags[:1] != [0.0] or (np.diff(self.lags) <= 0).any():
+            raise ValueError("times of gaps are 0 first and increase, and each column has as many squares")
 
     @classmethod
     def of(cls, record: Record, columns: Collection[Any], least: float, longest: float | None = None) -> Gaps:

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .hints import Number, Positive, Size
 from .record import Record
 from .segments import holes
 from .times import Floats
@@ -44,16 +45,16 @@ NAN = math.nan
 class Motion:
     """Motion of an input in the fitted record."""
 
-    low: float
-    high: float
+    low: Number
+    high: Number
     """Range of its values."""
-    spread: float
+    spread: Size
     """Their standard deviation."""
-    farthest: float
+    farthest: Size
     """The farthest that it moved in a usual step."""
-    rest: float
+    rest: Size
     """The longest that it stood still [s]."""
-    step: float
+    step: Positive
     """The usual step [s]."""
     jumps: bool = field(default=False, compare=False, repr=False)
     """True if the farthest move was so far that it may have been a jump."""

@@ -1,10 +1,10 @@
-"""The fitted record, whole or thinned, that later rows are tied to."""
+"""The fitted record, whole or some of its rows, that later rows are tied to."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -17,114 +17,24 @@ from .grammar import LARGEST
 from .record import Record
 from .screen import Screen
 from .segments import Segment, SegmentStart
-from .times import Floats, Kind, Rows, Times
+from .times import Kind, Rows, Times
 from .units import other_units
 
 _NS = 1_000_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Thinned(Record):
-    """A record whose rows are averages of a longer one's. Times count from the longer one's first row."""
+def in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict[Any, float]]:
+    """The record with its own and further columns as arrays, and of each further one the share of sound numbers.
 
-    counts: NDArray[np.integer[Any]] = field(repr=False)
-    """Readings in each row."""
-    began: float
-    """Stamp of the longer record's first row."""
-    step: float
-    """Usual step of the longer record [s]."""
-    places: NDArray[np.integer[Any]] = field(repr=False)
-    """Where each row begins in the longer record, in time order."""
-    sizes: NDArray[np.integer[Any]] = field(repr=False)
-    """Rows of the longer record in each row."""
-    lengths: tuple[float, ...]
-    """Duration of each of its segments [s]."""
-    unseen: float = 0.0
-    """Variance of the residual inside the rows, which their averages do not show."""
-    exact: dict[str, Floats] = field(default_factory=dict, repr=False)
-    """Averages of the columns of some effects over stretches of `exact_rows` of these rows, none of which crosses from
-    one segment into the next, computed in the longer record: shape (stretches, k) each."""
-    exact_rows: int = 0
-
-    def places_of(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Rows of this record that rows of the longer one, in time order, have become a part of; -1 for none."""
-        place = np.searchsorted(self.places, rows.astype(self.places.dtype), side="right") - 1
-        return np.where(rows < self.places[place] + self.sizes[place], place, -1)
-
-    def first_stamp(self) -> float:
-        """Absolute time of the longer record's first row."""
-        return self.began
-
-    def duration(self, segment: Segment) -> float:
-        """First to last sample of a segment of the longer record [s]."""
-        return self.lengths[self.segments.index(segment)]
-
-    def usual_step(self) -> float:
-        """Median step of the longer record [s]: what fast effects are measured in."""
-        return self.step
-
-
-def thinned(record: Record, columns: Mapping[Any, Any], most: int) -> tuple[Record, dict[Any, float]]:
-    """A record in memory, of at most about `most` rows.
-
-    `record` (Record). `columns` (mapping of name to column): Further columns besides the record's own; missing and
-    absurd numbers are left out of their averages. `most` (int): Up to so many rows the record stays as it is. Returns
-    record (Record): a `Thinned` one where it is longer. Returns sound (dict): share of each further column that is
-    neither missing nor absurd; 0 for one that never changes.
+    Missing and absurd numbers are not sound; none are in a column that never changes.
     """
-    width = max(1, -(-record.n_used // most))
-    if width == 1:
-        return _in_memory(record, columns)
-    n = sum(-(-(high - low) // width) for segment in record.segments for low, high in _chunks(record, segment, width))
-    own: dict[Any, Floats] = {name: np.empty(n) for name in (*record.columns, *columns)}
-    looked = {name: _Looked() for name in columns}
-    reading, seconds = np.empty(n), np.empty(n)
-    counts, sizes = (np.empty(n, np.min_scalar_type(width)) for _ in range(2))
-    places: NDArray[np.integer[Any]] = np.empty(n, np.int32 if record.n_rows <= np.iinfo(np.int32).max else np.int64)
-    segments, began, at = [], record.first_stamp(), 0
-    for segment in record.segments:
-        first = at
-        for low, high in _chunks(record, segment, width):
-            rows = record.rows(low, high)
-            starts = np.arange(0, high - low, width)
-            size = np.diff(np.append(starts, high - low))
-            into = slice(at, at + len(starts))
-            for name, column in record.columns.items():
-                own[name][into] = np.add.reduceat(np.asarray(column[rows], float), starts) / size
-            for name, column in columns.items():
-                values = looked[name].sound(np.asarray(column[rows], float))
-                own[name][into] = _known_means(values, starts)[0]
-            values = np.asarray(record.reading[rows], float)  # type: ignore[index]
-            reading[into], counts[into] = _known_means(values, starts)
-            seconds[into] = np.add.reduceat(record.times.seconds(rows, began), starts) / size
-            places[into], sizes[into] = low + starts, size
-            at = into.stop
-        segments.append(Segment(first, at, segment.run))
-    short = Thinned(
-        times=_times(record, seconds, began),
-        temperature_name=record.temperature_name,
-        columns=own,
-        segments=tuple(segments),
-        reading=reading,
-        notes=record.notes,
-        refused=record.refused,
-        counts=counts,
-        began=began,
-        step=record.usual_step(),
-        lengths=tuple(record.duration(segment) for segment in record.segments),
-        places=places,
-        sizes=sizes,
-    )
-    return short, {name: each.share(record.n_used) for name, each in looked.items()}
-
-
-def _in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict[Any, float]]:
-    """The record with all its columns as arrays."""
     own = {name: np.asarray(column[:]) for name, column in record.columns.items()}
     sound = {}
     for name, column in columns.items():
-        looked, values = _Looked(), np.array(column[:], float)
-        own[name], sound[name] = looked.sound(values), looked.share(len(values))
+        values = np.array(column[:], float)
+        values[~(np.abs(values) <= LARGEST)] = np.nan
+        known = values[np.isfinite(values)]
+        own[name], sound[name] = values, len(known) / len(values) if len(known) and known.max() > known.min() else 0.0
     times = record.times
     if times.ticks is not None and not isinstance(times.ticks, np.ndarray):
         times = replace(times, ticks=np.asarray(times.ticks[:]))
@@ -132,57 +42,35 @@ def _in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict
     return replace(record, times=times, columns=own, reading=reading, known_moments={}), sound
 
 
-class _Looked:
-    """Summary of a column: how many of its numbers are finite, and whether they differ."""
-
-    def __init__(self) -> None:
-        self.count, self.low, self.high = 0, np.inf, -np.inf
-
-    def sound(self, values: Floats) -> Floats:
-        """The numbers, NaN for all others."""
-        values = np.where(np.abs(values) <= LARGEST, values, np.nan)
-        self.count += int(np.isfinite(values).sum())
-        self.low = min(self.low, float(np.fmin.reduce(values, initial=np.inf)))
-        self.high = max(self.high, float(np.fmax.reduce(values, initial=-np.inf)))
-        return values
-
-    def share(self, n: int) -> float:
-        """Share of sound numbers among `n`; 0 where they are all the same."""
-        return self.count / n if self.high > self.low else 0.0
-
-
-def _chunks(record: Record, segment: Segment, width: int) -> Iterator[tuple[int, int]]:
-    """Pieces of a segment, of many stretches of `width` rows each."""
-    # Rows that are averaged together
-    size = max((1 << 16) // width, 1) * width
-    for low, high in record.stretches(segment):
-        for start in range(low, high, size):
-            yield start, min(start + size, high)
-
-
-def _known_means(values: Floats, starts: NDArray[np.intp]) -> tuple[Floats, NDArray[np.intp]]:
-    """Means of what is known in each stretch, NaN where nothing is, and how much that is."""
-    known = np.isfinite(values)
-    counts = np.add.reduceat(known.astype(np.intp), starts)
-    sums = np.add.reduceat(np.where(known, values, 0.0), starts)
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan), counts
-
-
-def _times(record: Record, seconds: Floats, began: float) -> Times:
-    """Times of the middle of each stretch, on the record's own clock."""
-    times, n = record.times, len(seconds)
-    ticks: Any
-    if times.kind == "rows":
-        ticks, per_second = np.floor(seconds / times.period).astype(np.int64) + int(began), times.per_second
-    elif times.kind == "seconds":
-        ticks, per_second = began + seconds, 1
+def strided(record: Record, stride: int) -> Record:
+    """Every so many rows of a record, and the last of each segment, in memory."""
+    kept, segments, at = [], [], 0
+    for start, stop, run in record.segments:
+        some = np.arange(start, stop, stride)
+        if some[-1] != stop - 1:
+            some = np.append(some, stop - 1)
+        kept.append(some)
+        segments.append(Segment(at, at + len(some), run))
+        at += len(some)
+    order = kept[0] if len(kept) == 1 else np.concatenate(kept)
+    whole = record.order is None and order[-1] - order[0] == len(order) - 1
+    rows: Rows = slice(int(order[0]), int(order[-1]) + 1) if whole else record.rows_at(order)
+    copied = np.array if whole else np.asarray  # rows by number are copied already
+    times, ticks = record.times, record.times.ticks
+    if ticks is None:
+        thin = Times(len(order), "rows", record.rows_at(order) + times.first_row, period=times.period)
     else:
-        ticks, per_second = int(began) + np.rint(seconds * _NS).astype(np.int64), _NS
-    return Times(n, times.kind, ticks, per_second, times.period)
+        thin = replace(times, n=len(order), ticks=copied(ticks[rows]))
+    columns = {name: copied(values[rows], np.float64) for name, values in record.columns.items()}
+    skipped = np.flatnonzero(np.isin(order, record.skipped)) if len(record.skipped) else record.skipped
+    reading = None if record.reading is None else copied(record.reading[rows], np.float64)
+    return Record(thin, record.temperature_name, columns, tuple(segments), reading=reading, skipped=skipped)
 
 
 MOST_FOLDED = 400
 """Pieces into which folds may cut a record: more are not blocks in time but shuffled rows."""
+HEAD = 8
+"""Rows with which a segment begins that are kept in a file: they tell its record from another with such times."""
 HISTORY_ROWS = 1 << 17
 """Rows kept of a fitted record. Longer records are thinned; the state at their end is exact all the same."""
 
@@ -203,8 +91,11 @@ class History:
     n_fitted: int
     """Rows of the fitted record."""
     stride: int
+    """Of so many rows one is kept, and the last of each segment; 0: no others than those of `ends`."""
     usual_step: float
     max_gap: float | None
+    ranges: Mapping[Any, tuple[float, float]]
+    """Least and greatest fitted value of each column."""
     screen: Screen | None = None
     """What is refused of later rows; None for nothing."""
     known_gaps: Gaps | None = None
@@ -222,9 +113,8 @@ class History:
         """`screen`, with the temperatures that the fitted ones show to be in another unit; nothing where it is None."""
         if self.screen is None:
             return Screen()
-        fitted = np.delete(self.record.columns[self.record.temperature_name], self.record.skipped)
         name = self.record.temperature_name
-        limits = replace(self.screen.inputs[name], elsewhere=other_units(float(fitted.min()), float(fitted.max())))
+        limits = replace(self.screen.inputs[name], elsewhere=other_units(*self.ranges[name]))
         return replace(self.screen, inputs={**self.screen.inputs, name: limits})
 
     @cached_property
@@ -234,37 +124,13 @@ class History:
 
     @classmethod
     def of(
-        cls,
-        record: Record,
-        end_states: Sequence[State],
-        max_gap: float | None,
-        limit: int | None = None,
-        screen: Screen | None = None,
+        cls, record: Record, end_states: Sequence[State], max_gap: float | None, screen: Screen | None = None
     ) -> History:
-        """Keep what later rows need of a record that has just been walked through, thinned beyond `limit` rows."""
-        stride = max(1, -(-record.n_used // (HISTORY_ROWS if limit is None else limit)))
-        kept, segments, at = [], [], 0
-        for start, stop, run in record.segments:
-            some = np.arange(start, stop, stride)
-            if some[-1] != stop - 1:
-                some = np.append(some, stop - 1)
-            kept.append(some)
-            segments.append(Segment(at, at + len(some), run))
-            at += len(some)
-        order = kept[0] if len(kept) == 1 else np.concatenate(kept)
-        whole = record.order is None and order[-1] - order[0] == len(order) - 1
-        rows: Rows = slice(int(order[0]), int(order[-1]) + 1) if whole else record.rows_at(order)
-        copied = np.array if whole else np.asarray  # rows by number are copied already
-        times, ticks = record.times, record.times.ticks
-        if ticks is None:
-            thin = Times(len(order), "rows", record.rows_at(order) + times.first_row, period=times.period)
-        else:
-            thin = replace(times, n=len(order), ticks=copied(ticks[rows]))
-        columns = {name: copied(values[rows], np.float64) for name, values in record.columns.items()}
-        skipped = np.flatnonzero(np.isin(order, record.skipped)) if len(record.skipped) else record.skipped
-        small = Record(thin, record.temperature_name, columns, tuple(segments), skipped=skipped)
+        """Keep what later rows need of a record that has just been walked through."""
+        stride = max(1, -(-record.n_used // HISTORY_ROWS))
+        small = strided(replace(record, reading=None), stride)
         return cls(
-            kind=times.kind,
+            kind=record.times.kind,
             zero=record.first_stamp(),
             record=small,
             end_states=tuple(end_states),
@@ -272,15 +138,24 @@ class History:
             stride=stride,
             usual_step=record.usual_step(),
             max_gap=max_gap,
+            ranges={name: (record.moments(name).low, record.moments(name).high) for name in record.columns},
             screen=screen,
         )
 
-    def thinned(self, limit: int) -> History:
-        """History with at most about `limit` kept rows, first and last rows of segments among them."""
-        if self.record.n_rows <= limit:
-            return self
-        fewer = History.of(self.record, self.end_states, self.max_gap, limit, self.screen)
-        return replace(self, record=fewer.record, stride=self.stride * fewer.stride, known_gaps=self.gaps)
+    def ends(self) -> History:
+        """The same with the first `HEAD` rows and the last one of each segment alone: later rows start afresh."""
+        kept, segments, places, at = self.record, [], [], 0
+        for start, stop, run in kept.segments:
+            some = kept.kept_places(start, stop)
+            some = np.unique(np.append(some[:HEAD], some[-1:]))
+            segments.append(Segment(at, at + len(some), run))
+            places.append(some)
+            at += len(some)
+        rows = np.concatenate(places)
+        columns = {name: values[rows] for name, values in kept.columns.items()}
+        times = replace(kept.times, n=at, ticks=np.asarray(kept.times.ticks)[rows])
+        record = Record(times, kept.temperature_name, columns, tuple(segments))
+        return replace(self, record=record, stride=0, known_gaps=self.gaps)
 
     def between(self, later: float, earlier: float) -> float:
         """Difference of two stamps [s]."""
@@ -317,7 +192,7 @@ class History:
         if self.screen is not None:
             record = self.later_screen.without_codes(record, self.max_gap)
         if self.kind == "rows":
-            record = self._place_rows(record)
+            record = replace(record, times=replace(record.times, ticks=None, first_row=self.first_row(record)))
         if self.screen is not None:
             record = self.screen.without_spikes(record, self.max_gap)
             if record.held is None:  # not gated before
@@ -338,7 +213,7 @@ class History:
 
     def _holes_of(self, record: Record) -> int:
         """Number of holes of the fitted record in which rows lie; 0 where too many rows are looked at."""
-        if self.stride > 1 or record.n_used > HISTORY_ROWS:
+        if self.stride != 1 or record.n_used > HISTORY_ROWS:
             return 0
         ours, theirs = (
             np.sort(each.times.seconds(each.rows(0, each.n_used), self.zero)) for each in (self.record, record)
@@ -391,7 +266,9 @@ class History:
                 return None
             if row == start:
                 return SegmentStart(key, zero, None), None
-            return SegmentStart(key, zero, self.step_before(key, stamp)), row
+            return (SegmentStart(key, zero, self.step_before(key, stamp)), row) if self.stride else None
+        if self.stride == 0:
+            return None
         step = self.step_before(key, stamp)
         hole = self.between(self.record.stamp(row), self._stamp_before(row))
         passed_over = self.record.is_skipped(row - 1)
@@ -417,7 +294,7 @@ class History:
                 met += 1
                 ours, theirs = _values(one, one.row(k)), _values(other, other.row(place))
                 equal += all(ours[name] == theirs[name] or np.isnan(ours[name] + theirs[name]) for name in ours)
-        return equal > 0 and 2 * equal >= met
+        return equal > 0 and 2 * equal > met - (self.stride > 0)
 
     def _segment_before(self, stamp: float, run: object) -> int | None:
         """The fitted segment of this run that starts last among those that start no later than `stamp`."""
@@ -452,16 +329,17 @@ class History:
             row -= 1
         return self.record.stamp(row)
 
-    def _place_rows(self, record: Record) -> Record:
-        """Rows without times: those that repeat fitted rows are these, others follow directly on the fitted ones."""
-        return replace(record, times=replace(record.times, ticks=None, first_row=self.first_row(record)))
-
     def first_row(self, record: Record) -> int:
         """Number of a record's first row: that of the fitted rows which it repeats, else it follows on them."""
         first = record.segments[0]
         kept = self.record.columns
         assert self.record.times.ticks is not None
         numbers: NDArray[np.intp] = self.record.times.ticks
+        if self.stride == 0:  # its beginning is known
+            ahead = numbers[: min(HEAD, self.record.segments[0].stop)] - numbers[0]
+            ahead = first.start + ahead[ahead < first.n_rows]
+            repeats = all(np.array_equal(record.columns[n][ahead], values[: len(ahead)]) for n, values in kept.items())
+            return int(numbers[0]) - first.start if repeats else self.n_fitted
         candidates: NDArray[np.intp] = np.arange(len(numbers))
         for name, values in kept.items():
             candidates = candidates[values[candidates] == record.columns[name][first.start]]
@@ -493,7 +371,7 @@ class History:
         """
         kept = np.column_stack([self.record.columns[name] for name in self.record.columns])
         found = np.flatnonzero((kept == [values[name] for name in self.record.columns]).all(axis=1))
-        if self.stride > 1 or len(found) != 1 or len(np.unique(kept, axis=0)) < len(kept):
+        if self.stride != 1 or len(found) != 1 or len(np.unique(kept, axis=0)) < len(kept):
             return self.n_fitted
         assert self.record.times.ticks is not None
         return int(self.record.times.ticks[found[0]])

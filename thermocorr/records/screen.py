@@ -10,7 +10,7 @@ each input moves (`thermocorr.records.gate`).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, cast
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..equations.sensor_artefacts import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
 from .errors import RecordError, listing, quoted, times_word, way
 from .gate import JUMP, Gate, Motion, excursions
+from .hints import Column, Number, Stamp
 from .numbers import is_frame, numeric_column, numeric_reading
 from .record import Record, Refused
 from .times import Floats
@@ -109,13 +110,13 @@ Rows = NDArray[np.intp]
 class Limits:
     """Screen of one quantity, row by row."""
 
-    middle: float = 0.0
+    middle: Number = 0.0
     """A usual value."""
-    codes: tuple[float, ...] = ()
+    codes: tuple[Number, ...] = ()
     """Numbers that stand for "no value"; beyond 1e30 all do."""
-    spikes: dict[Any, float] = field(default_factory=dict)
+    spikes: dict[Stamp, Number] = field(default_factory=dict)
     """Time stamp and value of each spike of the fitted record."""
-    elsewhere: tuple[OtherUnit, ...] = ()
+    elsewhere: tuple[OtherUnit, ...] = field(default=(), compare=False)
     """What is a usual value in another unit, and none in the fitted one."""
     motion: Motion | None = None
     """How an input moves; None for readings, which may do what they like."""
@@ -169,7 +170,7 @@ class Limits:
 class Screen:
     """Screen of each input and of the reading."""
 
-    inputs: Mapping[Any, Limits] = field(default_factory=dict)
+    inputs: dict[Column, Limits] = field(default_factory=dict)
     """By column, the temperature first."""
     reading: Limits = field(default_factory=Limits)
 

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, option, quoted, way
-from .grammar import LARGEST, number
+from .grammar import LARGEST
 from .types import kind_of
 
 _TEXT: Any = pd.Series(["text"]).dtype
@@ -126,24 +126,6 @@ def unix_unit(low: float, high: float) -> str | None:
     """
     units = {"s": 1.0, **EPOCHS}
     return next((unit for unit, n in units.items() if UNIX[0] * n <= low and high < UNIX[1] * n), None)
-
-
-def unix_time(cell: str, kind: str) -> tuple[str, Any]:
-    """Unit and time of a cell that is a Unix time in ms, us or ns by its size; ``("", cell)`` for any other.
-
-    `cell` (str). `kind` (str): Kind of the times that are wanted, see `Times.kind`: seconds [s], or dates.
-    """
-    try:
-        count = number(cell, "the time")
-    except RecordError:  # a date
-        return "", cell
-    unit = unix_unit(count, count)
-    if unit not in EPOCHS:
-        return "", cell
-    if kind == "seconds":
-        return unit, count / EPOCHS[unit]
-    exact: Any = int(cell) if cell.isdecimal() else count
-    return unit, pd.Timestamp(exact, unit=unit, tz="UTC" if kind == "datetime with time zone" else None)
 
 
 def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int = 0) -> None:

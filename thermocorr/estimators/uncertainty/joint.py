@@ -16,6 +16,7 @@ from ...effects.signals import DelayState
 from ...effects.stream import Walked, resume, walk
 from ...equations import LagState, RidgeSolution
 from ...records import Block, History, Record
+from ...records.hints import Counted, Loose, Size, Sizes, Variance, Vector
 from ...records.units import difference_unit
 from ..fitting import Swept
 from ..time_constants.spectrum import TOLERANCE
@@ -94,22 +95,29 @@ class NoiseModel:
     Variances in the unit of the reading squared.
     """
 
-    white: float
+    white: Variance
     """Variance of one reading that the readings before it do not predict: white, or forgotten within `recent`."""
-    recent: float
+    recent: Size
     """Correlation time of that part [s]; 0 for white noise."""
-    wander: np.ndarray
+    wander: Sizes
     """Variances of the parts, shape (parts,)."""
-    correlation_times: np.ndarray
+    correlation_times: Sizes
     """Correlation times of the parts [s], increasing."""
-    white_dof: float
+    white_dof: Loose
     """Degrees of freedom of `white`."""
-    wander_dof: float
+    wander_dof: Loose
     """Degrees of freedom of the wandering variance."""
-    size_seconds: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    size_seconds: Vector = field(default_factory=lambda: np.zeros(0))
     """Times at which the size of the noise is known, where it changes in the course of the record [s]."""
-    sizes: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sizes: Sizes = field(default_factory=lambda: np.zeros(0))
     """Size of the noise then, over the one that the variances are of."""
+
+    def __post_init__(self) -> None:
+        """Refuse parts that do not belong together."""
+        alike = np.shape(self.wander) == np.shape(self.correlation_times) and np.ndim(self.wander) == 1
+        known = np.shape(self.sizes) == np.shape(self.size_seconds) and np.ndim(self.sizes) == 1
+        if not (alike and known and self.white_dof > 0 and self.wander_dof > 0):
+            raise ValueError("a noise has a correlation time for each part, and a size for each moment")
 
     @property
     def wander_variance(self) -> float:
@@ -230,28 +238,28 @@ class JointErrors:
     out counts, too. The fit's own error is that of this estimate plus the distance between the two.
     """
 
-    effects: list[Effect]
-    history: History
-    own: bool
+    effects: list[Effect] = field(compare=False)
+    history: History = field(compare=False)
+    own: bool = field(compare=False)
     """True if these are the model's own effects."""
-    coef: np.ndarray
+    coef: Vector
     """Intercept and coefficients by generalised least squares, shape (1 + p,)."""
-    half: np.ndarray
+    half: Vector
     """``half @ half.T`` is their covariance, shape (1 + p, rank)."""
-    dof: float
+    dof: Loose
     """Degrees of freedom of the bias's variance."""
-    usual: float
+    usual: Variance
     """Mean variance of the bias over the fitted record, the fit's distance from the best estimate left aside."""
-    mean: np.ndarray
+    mean: Vector
     """Mean of the columns over the record, 1 first, shape (1 + p,)."""
     noise: NoiseModel
-    last: np.ndarray
+    last: Vector
     """Covariance of the coefficients with each part of the noise at the record's end, shape (1 + p, parts)."""
-    end: float
+    end: Size
     """Time of the record's end since it began [s]."""
-    last_segment: int
+    last_segment: Counted
     """Number of the fitted segment that ends last: only what follows on it shares its noise."""
-    representation: float
+    representation: Variance
     """Variance of what the chosen time constants may leave of the modelled reading."""
 
     @property

@@ -13,7 +13,7 @@ from ..bench import Bench
 from ..learning import sentence
 from ..opening import Opening
 from ..snapshots import snapshot
-from ..takeaway import KINDS, is_session, past_node, taken
+from ..takeaway import KINDS, past_node, taken
 from ..tiles import Store, Tiles
 from .pieces import NoSuchCurve, cloud_of, known_json, piece_of
 
@@ -142,12 +142,10 @@ class Desk:
         idle = False
         if not isinstance(given, Opening):
             path, idle = str(given.get("path") or ""), bool(given.get("idle"))
-            session = path if path and is_session(path) else ""
             given = Opening(
-                paths=(path,) if path and not session else (),
-                names=(Path(path).name,) if path and not session else (),
+                paths=(path,) if path else (),
+                names=(Path(path).name,) if path else (),
                 sample=str(given.get("sample") or ""),
-                session=session,
                 past=given.get("past"),
                 own_file=self.own_file,
             )

@@ -96,7 +96,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
     weakref.finalize(bench, folder.cleanup)
     acts: list[Any] = [Columns(Roles(temperature=temperature, reading=name, time=time, run=run))]
     for _, effect in given:
-        acts.append(Add(AddedEffect.of(bench.codec.pack(effect, "effect", learned=False), effect.label())))
+        acts.append(Add(AddedEffect.of(bench.codec.pack(clone(effect), "effect"), effect.label())))
     bench.past = Past((tuple(acts),), 0)
     return bench
 

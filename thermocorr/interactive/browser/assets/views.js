@@ -3,7 +3,7 @@
 (() => {
   const tc = (window.thermocorr ??= {});
   const { Chart, element, values } = tc;
-  const NAMES = { allan: "Allan deviation", loop: "Loop", step: "Step response", lags: "Time constants", spectrum: "Noise spectrum" };
+  const NAMES = { allan: "Allan deviation", step: "Step response" };
 
   class Views {
     constructor(place, wire, troubled) {

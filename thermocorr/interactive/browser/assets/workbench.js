@@ -70,7 +70,7 @@
     hear(kind, content) {
       if (kind === "state") this.show(content);
       else if (kind === "progress") this.progress(content.text);
-      else if (kind === "ended") { this.progress(""); this.trouble("The workbench has ended. Start it again to go on; a session file brings the steps back."); this.root.dataset.ended = "1"; }
+      else if (kind === "ended") { this.progress(""); this.trouble("The workbench has ended. Start it again to go on."); this.root.dataset.ended = "1"; }
     }
     show(state) {
       this.state = state;
@@ -96,7 +96,7 @@
       const button = (what, run) => (name, text) => element("button", { type: "button", [what]: name, onclick: () => run(name) }, text);
       if (this.at("samples")?.options.length < 2) this.at("samples").append(...each(state.samples, (name, text) => element("option", { value: name }, text)));
       this.at("take").append(...each(state.take, button("data-take", (kind) => this.take(kind))));
-      this.marks.append(element("span", { class: "fine" }, "this stretch: "), ...each(state.marks, button("data-mark", (what) => this.mark(what))));
+      this.marks.append(element("span", { class: "fine" }, "this stretch: "), element("button", { type: "button", "data-leave-out": "", onclick: () => this.leaveOut() }, "Leave out"));
     }
     progress(text) {
       this.at("progress").textContent = text ? `${text}…` : "";
@@ -167,10 +167,10 @@
       this.marks.hidden = !on;
       this.plot.brush(on);
     }
-    mark(what) {
+    leaveOut() {
       const [low, high] = this.plot.stretch();
       this.select(false);
-      return this.do({ do: "mark", what, low, high });
+      return this.do({ do: "leave_out", low, high });
     }
     async compare(row) { // choose two steps, one after the other; a chosen one is let go
       const without = this.chosen.filter((key) => key !== row.key), now = this.state.history;
