@@ -56,7 +56,5 @@ def test_a_log_is_refined_as_the_frame_is(as_log):
 def test_more_rows_than_memory_should_hold_are_refused_with_a_way_out(monkeypatch):
     X, y = record_with("step", 2000)
     monkeypatch.setattr(data, "MOST_ROWS", 1999)
-    with pytest.raises(
-        RecordError, match=r"has 2000 rows, .* at most 1999 in memory. Average them"
-    ):
+    with pytest.raises(RecordError, match=r"has 2000 rows, .* at most 1999 in memory. Average them"):
         diagnose(DynamicBiasRegressor("temperature", ["5 min"]).fit(X, y), X, y)
