@@ -1,9 +1,7 @@
 """Model files: bit for bit there and back, and nothing that is damaged or hostile gets in."""
 
-import hashlib
 import json
 import sys
-import warnings
 
 import numpy as np
 import pandas as pd
@@ -18,7 +16,6 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
 from thermocorr.files.codec import pack, parse, render, unpack
-from thermocorr.files.model_file import data_digest
 from thermocorr.files.model_file import signed as sign
 
 
@@ -287,31 +284,15 @@ def test_provenance_knows_the_record(tmp_path):
     X = log(500, seed=7)
     y = readings(X)
     model = DynamicBiasRegressor(time_constants=[300.0], effects=[Covariate("humidity")]).fit(X, y)
-    noted = there_and_back(model, tmp_path, data=(X, y)).provenance_["data"]
+    kept = there_and_back(model, tmp_path).provenance_
+    noted = kept["data"]
     assert (
         noted["rows"] == 500
         and noted["first"].startswith("2024-03-04 01:23:45")
         and noted["columns"][0] == "temperature"
     )
     assert noted["span_s"] == (X.index[-1] - X.index[0]).total_seconds()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # the fit has said what there is to say about the record
-        assert noted["sha256"] == data_digest(model, X, y)
-    for column in ("temperature", "humidity"):
-        other = X.copy()
-        other.iloc[77, other.columns.get_loc(column)] += 1e-9
-        assert data_digest(model, other, y) != noted["sha256"]
-    assert data_digest(model, X, y + 1e-9) != noted["sha256"]
-    assert data_digest(model, X.assign(unused=1.0), y) == noted["sha256"]
-    same = [X.set_axis(X.index.floor("us").as_unit(unit)) for unit in ("us", "ns")]
-    assert len({data_digest(model, frame, y.set_axis(frame.index)) for frame in same}) == 1
-    with pytest.raises(ValueError, match="has 400 rows, and the model was fitted to 500"):
-        save_model(model, tmp_path / "m.json", data=(X[:400], y[:400]))
-    kept = there_and_back(model, tmp_path).provenance_
-    assert "sha256" not in kept["data"] and kept["versions"]["numpy"] == np.__version__
-    stamps = X.index.as_unit("ns").asi8.astype("<i8")
-    content = b"".join(np.asarray(values).tobytes() for values in (stamps, X["temperature"], X["humidity"], y))
-    assert noted["sha256"] == hashlib.sha256(content).hexdigest()
+    assert kept["versions"]["numpy"] == np.__version__
 
 
 def test_a_start_as_long_as_its_segment_survives_the_file(tmp_path):

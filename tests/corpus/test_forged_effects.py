@@ -28,26 +28,33 @@ def rest_of(node):
 
 
 def effect_of(node, kind):
-    return next(each["effect"] for each in node["model"]["effects"] if each["effect"]["kind"] == kind)
+    return next(effect for _, effect in node["model"]["effects"] if effect["kind"] == kind)
 
 
 def drop(node):
     parts = node["model"]["effects"]
-    parts[:] = [part for part in parts if part["effect"]["kind"] != "static_polynomial"]
+    parts[:] = [part for part in parts if part[1]["kind"] != "static_polynomial"]
 
 
 def learned(kind, name, value):
     return lambda node: effect_of(node, kind)["learned"].update({name: value})
 
 
-def history(name, value):
-    return lambda node: node["model"]["history"].update({name: value})
+def history(value, *names):
+    def forge(node):
+        *above, last = names
+        node = node["model"]["history"]
+        for name in above:
+            node = node[name]
+        node[last] = value
+
+    return forge
 
 
 def more(kind, *given, **changed):
     parameters = {**CATALOGUE[kind](*given).get_params(deep=False), **changed}
     effect = {"kind": kind, "parameters": parameters}
-    return lambda node: node["model"]["effects"].append({"name": "more", "effect": effect})
+    return lambda node: node["model"]["effects"].append(["more", effect])
 
 
 FORGED = {
@@ -59,12 +66,11 @@ FORGED = {
     "words of numbers": (learned("several_steps", "moments_", [1200.0]), r"moments_\[0\]"),
     "times of text": (learned("thermal_lag", "time_constants_", ["x"]), r"constants_\[0\] holds 'x' where a number"),
     "something else learned": (learned("thermal_lag", "more_", 1.0), "learned holds the key 'more_'"),
-    "no segment": (history("segments", []), "segments"),
-    "a column twice": (history("columns", 2 * [["temperature", [20.0] * 16]]), "columns holds a key twice"),
-    "a clock of its own": (history("ticks_per_second", 999_999_999), "one of 1, 1000, 1000000, 1000000000"),
-    "a clock in words": (history("ticks_per_second", "1000"), "one of 1, 1000"),
-    "a time that stands still": (lambda node: node["model"]["history"]["ticks"].__setitem__(
-        5, node["model"]["history"]["ticks"][4]), "ticks do not increase"),
+    "no segment": (history([], "record", "segments"), "segments"),
+    "columns of text": (history({"$dict": [["temperature", "x"]]}, "record", "columns"), "belong together"),
+    "a clock of its own": (history(999_999_999, "record", "times", "per_second"), "1, 1000, 1000000 or 1000000000"),
+    "a clock in words": (history("1000", "record", "times", "per_second"), "an integer"),
+    "a time that stands still": (history({"$array": ["int64", [0] * 18]}, "record", "times", "ticks"), "record.times"),
     "a column that is no name": (more("covariate", "humidity", column=1.5), r"parameters\.column"),
     "no column": (more("covariate", "humidity", column=None), r"parameters\.column"),
     "several columns": (more("covariate", "humidity", column=["humidity"]), r"parameters\.column"),

@@ -115,7 +115,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         outputs.write(report, report_text(best, X, y, answer))
     if evaluated is not None and folder is not None:
         files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
-        files += map(str, write_model(outputs, folder, best, (X, y)))
+        files += map(str, write_model(outputs, folder, best))
     outputs.commit()
     answer = replace(answer, files=tuple(files))
     if options.json:

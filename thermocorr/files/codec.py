@@ -64,10 +64,14 @@ def shown(value: Any) -> str:
 
 
 @cache
+def _hints(cls: type) -> dict[str, Any]:
+    return get_type_hints(cls, include_extras=True)
+
+
+@cache
 def hints_of(cls: type) -> dict[str, Any]:
     """Fields of a dataclass that a file holds, and their hints: all but those that are not compared."""
-    hints = get_type_hints(cls, include_extras=True)
-    return {field.name: hints[field.name] for field in fields_of(cls) if field.compare}
+    return {field.name: _hints(cls)[field.name] for field in fields_of(cls) if field.compare}
 
 
 def write(hint: Any, value: Any, where: str, effect: Codec = None) -> Any:
@@ -84,6 +88,8 @@ def write(hint: Any, value: Any, where: str, effect: Codec = None) -> Any:
             name: write(of, getattr(value, name), f"{where}.{name}", effect)
             for name, of in hints_of(hint).items()  # type: ignore[arg-type]
         }
+    if hasattr(hint, "_fields"):
+        return [write(of, one, where, effect) for of, one in zip(_hints(hint).values(), value, strict=True)]
     if hint is np.ndarray:
         return np.asarray(value, float).tolist()
     if origin in (tuple, list):
@@ -134,6 +140,9 @@ def _read(hint: Any, node: Any, where: str, effect: Codec) -> Any:
             return hint(**given)  # type: ignore[operator]
         except (ValueError, TypeError) as error:
             raise ModelFileError(f"{where}: {error}") from None
+    if hasattr(hint, "_fields"):
+        named = zip(_hints(hint).items(), items(node, where, len(hint._fields)), strict=True)
+        return hint(*(read(of, one, f"{where}.{name}", effect) for (name, of), one in named))
     if hint is np.ndarray:
         return array(node, where)
     if origin in (tuple, list):

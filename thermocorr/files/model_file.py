@@ -15,9 +15,8 @@ import textwrap
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,15 +32,12 @@ from ..estimators.reading import Reading
 from ..estimators.run_levels import RunLevels
 from ..estimators.thermometers import Thermometer
 from ..estimators.uncertainty.joint import JointErrors
-from ..records import History, Record, Segment, read_record, seconds_of
-from ..records.gaps import Gaps
+from ..records import History, seconds_of
 from ..records.grammar import LARGEST
-from ..records.hints import Column, Counted, Large, Loose, Number, Positive, RunLabel, Size, Stamp, Vector
+from ..records.hints import Counted, Large, Loose, Size, within
 from ..records.history import HEAD
-from ..records.numbers import numeric_reading
 from ..records.read import temperature_column
-from ..records.screen import Screen
-from ..records.times import EARLIEST, LATEST, Kind, Times
+from ..records.times import EARLIEST, LATEST
 from . import write_file
 from .codec import LARGEST_FILE, ModelFileError, fields, parse, read, read_bytes, read_fields, render, write
 from .effect_nodes import EffectCodec, check_state
@@ -64,48 +60,12 @@ class LaterVersionError(ModelFileError):
 
 
 @dataclass(frozen=True)
-class SegmentNode:
-    """A fitted segment: how many kept rows end with it, its run, and the states of all effects at its end."""
-
-    stop: Counted
-    run: RunLabel
-    end_states: list[Any]
-
-
-@dataclass(frozen=True)
-class HistoryNode:
-    """The first rows and the last one of each fitted segment, and what is known of all others."""
-
-    kind: Kind
-    rows: Counted
-    usual_step: Positive
-    max_gap: Positive | None
-    ticks_per_second: Literal[1, 1_000, 1_000_000, 1_000_000_000]
-    period: Positive
-    temperature: Column
-    segments: list[SegmentNode]
-    ticks: list[Stamp]
-    columns: dict[Column, Vector]
-    ranges: dict[Column, tuple[Number, Number]]
-    screen: Screen | None
-    gaps: Gaps
-
-
-@dataclass(frozen=True)
 class WiderNode:
     """An effect that stands for one of the model with more time constants, in its errors."""
 
     place: Counted
     effect: Effect
     end_states: list[Any]
-
-
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect of a model, and its name."""
-
-    name: str
-    effect: Effect
 
 
 @dataclass(frozen=True)
@@ -126,21 +86,15 @@ class ModelNode:
     notes: list[str]
     n_features_in: Counted
     feature_names_in: list[str] | None
-    effects: list[NamedEffect]
-    history: HistoryNode
+    effects: list[tuple[str, Effect]]
+    history: History
     wider: list[WiderNode]
 
 
 # ------------------------------------------------------------------------------------------------------------- to write
 
 
-def save(
-    model: DynamicBiasRegressor,
-    path: str | os.PathLike[str],
-    *,
-    data: tuple[Any, Any] | None = None,
-    force: bool = False,
-) -> Path:
+def save(model: DynamicBiasRegressor, path: str | os.PathLike[str], *, force: bool = False) -> Path:
     """Write a fitted model to a JSON file.
 
     Of the fitted record it holds the first rows and the last one of each segment. Rows that repeat the record from the
@@ -153,8 +107,6 @@ def save(
         Fitted. Its effects may be those of the catalogue, or your own if they can be imported.
     path : str or Path
         Written as a whole, or left as it was if anything goes wrong. A file that is there is refused, unless forced.
-    data : (X, y), optional
-        The record that the model was fitted to: its digest is noted in the file.
     force : bool, default False
         Overwrite a file that is there already.
 
@@ -172,10 +124,10 @@ def save(
     TypeError
         For something else than a `DynamicBiasRegressor`.
     """
-    return write_file(path, content_of(model, data=data), force=force)
+    return write_file(path, content_of(model), force=force)
 
 
-def content_of(model: DynamicBiasRegressor, *, data: tuple[Any, Any] | None = None) -> bytes:
+def content_of(model: DynamicBiasRegressor) -> bytes:
     """The bytes of the model file that `save` writes."""
     if not isinstance(model, DynamicBiasRegressor):
         raise TypeError(f"Only a DynamicBiasRegressor can be saved as a model file. Got {type(model).__name__}.")
@@ -184,7 +136,7 @@ def content_of(model: DynamicBiasRegressor, *, data: tuple[Any, Any] | None = No
     errors = model._joint_errors() if model._knows_noise else None
     content = signed(
         {
-            "provenance": _provenance(model, data),
+            "provenance": _provenance(model),
             "model": write(ModelNode, _model_node(model, errors), "the model", codec.pack),
             "errors": None if errors is None else write(JointErrors, errors, "its errors"),
         }
@@ -222,35 +174,15 @@ def _model_node(model: DynamicBiasRegressor, errors: JointErrors | None) -> Mode
         notes=list(model.notes_),
         n_features_in=model.n_features_in_,
         feature_names_in=None if names is None else list(map(str, names)),
-        effects=[NamedEffect(*pair) for pair in features.effects_],
-        history=_history_node(features.history_.ends()),
+        effects=features.effects_,
+        history=features.history_.ends(),
         wider=[WiderNode(i, errors.effects[i], [ends[i] for ends in errors.history.end_states]) for i in wide],  # type: ignore[union-attr]
     )
 
 
-def _history_node(history: History) -> HistoryNode:
-    record, times = history.record, history.record.times
-    pairs = zip(record.segments, history.end_states, strict=True)
-    return HistoryNode(
-        kind=history.kind,
-        rows=history.n_fitted,
-        usual_step=history.usual_step,
-        max_gap=history.max_gap,
-        ticks_per_second=times.per_second,  # type: ignore[arg-type]
-        period=times.period,
-        temperature=record.temperature_name,
-        segments=[SegmentNode(segment.stop, segment.run, list(states)) for segment, states in pairs],
-        ticks=np.asarray(times.ticks).tolist(),
-        columns=dict(record.columns),
-        ranges=dict(history.ranges),
-        screen=history.screen,
-        gaps=history.gaps,
-    )
-
-
-def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> dict[str, Any]:
+def _provenance(model: DynamicBiasRegressor) -> dict[str, Any]:
     """Provenance of the model: packages, and the record that it was fitted to."""
-    if data is None and hasattr(model, "provenance_"):
+    if hasattr(model, "provenance_"):
         known: dict[str, Any] = model.provenance_
         return known
     from .._version import __version__
@@ -267,29 +199,7 @@ def _provenance(model: DynamicBiasRegressor, data: tuple[Any, Any] | None) -> di
         "span_s": float(history.between(record.stamp(last), record.stamp(0))),
         "columns": [str(column) for column in record.columns],
     }
-    if data is not None:
-        noted["sha256"] = data_digest(model, *data)
     return {"versions": versions, "data": noted}
-
-
-def data_digest(model: DynamicBiasRegressor, X: Any, y: Any) -> str:
-    """sha256 of a record's times, of the columns that `model` uses, and of the readings: compare it with a file's.
-
-    All are little-endian numbers of 8 bytes; dates and spans count in nanoseconds, whatever the unit of the data.
-    """
-    features = model.features_
-    names = list(features.history_.record.columns)
-    record = read_record(X, features.layout(), needed=names[1:], quiet=True)
-    if record.n_rows != features.history_.n_fitted:
-        raise ValueError(
-            f"data has {record.n_rows} rows, and the model was fitted to {features.history_.n_fitted}. Pass the record "
-            "that it was fitted to."
-        )
-    stamps, digest = record.times.stamps(), hashlib.sha256()
-    digest.update(np.ascontiguousarray(stamps, "<f8" if stamps.dtype.kind == "f" else "<i8").tobytes())
-    for column in (*(record.columns[name] for name in names), numeric_reading(y, X)):
-        digest.update(np.ascontiguousarray(column[:], "<f8").tobytes())
-    return digest.hexdigest()
 
 
 # -------------------------------------------------------------------------------------------------------------- to read
@@ -366,7 +276,7 @@ def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
             seconds_of(parameters[key], key)
     features: DiffusiveFeatures = model._unfitted_features(())
     features._validate_params()
-    features.effects_ = [(each.name, each.effect) for each in node.effects]
+    features.effects_ = node.effects
     model._run_levels = RunLevels.among(features.effects_, as_effects(model.effects))
     features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
     effects = features.effect_list()
@@ -381,7 +291,7 @@ def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
     names, count = list(features.get_feature_names_out()), len(node.columns)
     units = [unit for effect in effects for unit in effect.units()]
     _require(names == node.columns and len(units) == count, f"{where}.columns are not those that the effects have")
-    features.history_ = _history(node.history, effects, f"{where}.history")
+    features.history_ = _checked(node.history, effects, f"{where}.history")
     features.screen_ = features.history_.screen
     features.n_features_in_ = model.n_features_in_ = node.n_features_in
     names_in = node.feature_names_in
@@ -424,41 +334,34 @@ def _require_columns(features: DiffusiveFeatures, names: list[str] | None, where
     _require(found in (None, fitted), f"{where} makes {found!r} the temperature, not {fitted!r}")
 
 
-def _history(node: HistoryNode, effects: Sequence[Effect], where: str) -> History:
-    """The history; every count, order and state is checked."""
-    starts = [0, *(each.stop for each in node.segments)]
-    n = starts[-1]
-    _require(n > 0 and all(a < b <= a + HEAD + 1 for a, b in pairwise(starts)), f"{where}.segments have no such rows")
-    needed = {node.temperature, *needed_columns(list(effects))}
-    columns = all(values.shape == (n,) for values in node.columns.values())
-    _require(columns and needed <= {*node.columns} == {*node.ranges}, f"{where}.columns are not those that are needed")
-    whole, unit = node.kind != "seconds", 1_000_000_000 // node.ticks_per_second
-    low, high = (EARLIEST, LATEST) if node.kind.startswith("date") else (-LARGEST, LARGEST)
-    right = all(isinstance(tick, int) == whole and low <= tick * unit <= high for tick in node.ticks)
-    _require(right and len(node.ticks) == n and n <= node.rows, f"{where}.ticks are not the times of {n} rows")
-    ticks = np.array(node.ticks, np.int64 if whole else float)
-    back = np.setdiff1d(np.flatnonzero(~(np.diff(ticks) > 0)) + 1, starts)
-    _require(not len(back), f"{where}.ticks do not increase in a segment")
-    for known in (node.gaps.squares, *(() if node.screen is None else (node.screen.inputs,))):
-        _require({*known} <= {*node.columns}, f"{where} knows of columns that the model does not read")
-    for segment in node.segments:
-        for effect, state in zip(effects, segment.end_states, strict=True):
-            check_state(effect, state, f"{where}.segments.end_states")
-    parts = [Segment(a, b.stop, b.run) for a, b in zip(starts, node.segments, strict=False)]
-    times = Times(n, node.kind, ticks, node.ticks_per_second, node.period)
-    return History(
-        kind=node.kind,
-        zero=times.stamp(0),
-        record=Record(times, node.temperature, node.columns, tuple(parts)),
-        end_states=tuple(segment.end_states for segment in node.segments),
-        n_fitted=node.rows,
-        stride=0,
-        usual_step=node.usual_step,
-        max_gap=node.max_gap,
-        ranges=node.ranges,
-        screen=node.screen,
-        known_gaps=node.gaps,
+def _checked(history: History, effects: Sequence[Effect], where: str) -> History:
+    """The history, if its counts, orders and states belong together."""
+    record, times = history.record, history.record.times
+    starts = [segment.start for segment in record.segments]
+    stops = [segment.stop for segment in record.segments]
+    _require(
+        starts == [0, *stops[:-1]] and all(0 < b - a <= HEAD + 1 for a, b in zip(starts, stops, strict=True)),
+        f"{where}.record.segments have no such rows",
     )
+    n, ticks = stops[-1], np.asarray(times.ticks)
+    whole, unit = times.kind != "seconds", 1_000_000_000 // times.per_second
+    low, high = (EARLIEST, LATEST) if times.kind.startswith("date") else (-LARGEST, LARGEST)
+    _require(
+        times.n == n <= history.n_fitted and ticks.shape == (n,) and ticks.dtype == ("int64" if whole else "float64")
+        and all(low <= tick * unit <= high for tick in ticks.tolist()) and times.kind == history.kind
+        and set(np.flatnonzero(~(np.diff(ticks) > 0)) + 1) <= {*starts} and history.zero == times.stamp(0)
+        and type(history.zero) is type(times.stamp(0)),
+        f"{where}.record.times are not those of {n} rows",
+    )  # fmt: skip
+    needed = {record.temperature_name, *needed_columns(list(effects))}
+    limits, inputs = within(-LARGEST, LARGEST), {} if history.screen is None else history.screen.inputs
+    right = all(values.shape == (n,) and limits.holds(values) for values in record.columns.values())
+    right &= needed <= {*record.columns} == {*history.ranges} and {*history.gaps.squares, *inputs} <= {*record.columns}
+    _require(right and history.stride == 0, f"{where}.record.columns are not those that are needed")
+    for states, _ in zip(history.end_states, record.segments, strict=True):
+        for effect, state in zip(effects, states, strict=True):
+            check_state(effect, state, f"{where}.end_states")
+    return history
 
 
 def _errors(node: Any, wider: list[WiderNode], own: Sequence[Effect], history: History) -> JointErrors:

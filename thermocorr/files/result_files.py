@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import pandas as pd
 
@@ -74,11 +74,11 @@ def result_columns(columns: Collection[object]) -> list[str]:
     return [name for name in behind if name.replace(TAKEN, "") in known]
 
 
-def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor, data: tuple[Any, Any]) -> list[Path]:
+def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor) -> list[Path]:
     """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
     paths = [folder / "model.json", folder / "model.txt"]
     table = model.coef_table().to_string()
     notes = "\n".join(f"Note: {note}" for note in model.notes_)
     outputs.write(paths[1], printable(f"{model.equation()}\n\n{table}\n{notes}\n", "\n"))
-    outputs.write(paths[0], content_of(model, data=data))  # last: it says that all are there
+    outputs.write(paths[0], content_of(model))  # last: it says that all are there
     return paths

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .errors import RecordError, warn
 from .gaps import Gaps, least_gap
 from .grammar import LARGEST
+from .hints import Column, Counted, Number, Positive, Stamp
 from .record import Record
 from .screen import Screen
 from .segments import Segment, SegmentStart
@@ -83,18 +84,18 @@ class History:
     """Times and columns of the fitted record (thinned beyond `HISTORY_ROWS`) and its states at each segment's end."""
 
     kind: Kind
-    zero: float
+    zero: Stamp
     """Stamp of the first fitted row."""
     record: Record
     """The kept rows: segments are numbered as in the fitted record."""
     end_states: tuple[State, ...]
-    n_fitted: int
+    n_fitted: Counted
     """Rows of the fitted record."""
-    stride: int
+    stride: Counted
     """Of so many rows one is kept, and the last of each segment; 0: no others than those of `ends`."""
-    usual_step: float
-    max_gap: float | None
-    ranges: Mapping[Any, tuple[float, float]]
+    usual_step: Positive
+    max_gap: Positive | None
+    ranges: dict[Column, tuple[Number, Number]]
     """Least and greatest fitted value of each column."""
     screen: Screen | None = None
     """What is refused of later rows; None for nothing."""

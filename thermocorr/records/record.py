@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..equations.sensor_artefacts import CHUNK, Scanned, Usual, scan_stretch
 from ..equations.statistics import Moments
+from .hints import Column
 from .segments import Segment, SegmentStart, holes
 from .times import Floats, Rows, Times
 
@@ -179,32 +180,32 @@ class Record:
     """A record as `read_record` makes it. Its arrays are views of the user's, never written to."""
 
     times: Times
-    temperature_name: object
+    temperature_name: Column
     columns: Mapping[object, NDArray[Any]]
     segments: tuple[Segment, ...]
-    order: NDArray[np.intp] | None = None
+    order: NDArray[np.intp] | None = field(default=None, compare=False)
     """``order[k]`` is the user's row that comes k-th in time order; None when rows already stand in order."""
-    reading: NDArray[Any] | None = None
-    notes: tuple[str, ...] = field(default=())
+    reading: NDArray[Any] | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
     """What the user should know about the record's quality, one sentence each."""
-    known_moments: dict[tuple[object, int], Moments] = field(default_factory=dict, repr=False)
+    known_moments: dict[tuple[object, int], Moments] = field(default_factory=dict, repr=False, compare=False)
     """Moments computed so far, by column (`Itself` of the readings) and power."""
-    skipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp), repr=False)
+    skipped: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp), repr=False, compare=False)
     """Rows in time order, sorted, inside segments, that are passed over as if they had not been recorded; a segment
     neither begins nor ends with one."""
-    weight: Floats | None = field(default=None, repr=False)
+    weight: Floats | None = field(default=None, repr=False, compare=False)
     """How much each reading counts in a fit, shape (n_rows,); None where all do alike."""
-    refused: tuple[Refused, ...] = ()
+    refused: tuple[Refused, ...] = field(default=(), compare=False)
     """What the screen left out of this record."""
-    held: NDArray[np.bool_] | None = field(default=None, repr=False)
+    held: NDArray[np.bool_] | None = field(default=None, repr=False, compare=False)
     """Rows in which an input is held back: the last value that was believed stands there; None for none."""
-    twins: Mapping[object, Floats] = field(default_factory=dict, repr=False)
+    twins: Mapping[object, Floats] = field(default_factory=dict, repr=False, compare=False)
     """What might stand in a column for values that are held back or doubted, NaN for others, shape (n_rows,)."""
-    believed: Mapping[object, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
+    believed: Mapping[object, NDArray[np.bool_]] = field(default_factory=dict, repr=False, compare=False)
     """Rows with which the doubt of a column ends because it has stayed away, shape (n_rows,)."""
-    doubt: Floats | None = field(default=None, repr=False)
+    doubt: Floats | None = field(default=None, repr=False, compare=False)
     """What the twins move the bias of a model by in each row, shape (n_rows,); None without twins."""
-    gap_variance: Floats | None = field(default=None, repr=False)
+    gap_variance: Floats | None = field(default=None, repr=False, compare=False)
     """Variance of a model's bias by what its inputs did in gaps between rows, shape (n_rows,); None for none."""
 
     @property

@@ -10,13 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .hints import Counted, RunLabel
+
 
 class Segment(NamedTuple):
     """A stretch without a gap: rows ``start:stop`` in the record's time order."""
 
-    start: int
-    stop: int
-    run: object = None
+    start: Counted
+    stop: Counted
+    run: RunLabel = None
 
     @property
     def n_rows(self) -> int:

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
-from typing import Any, BinaryIO, Literal
+from typing import Annotated, Any, BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, option, quoted, way
 from .grammar import LARGEST
+from .hints import Check, Counted, Positive
 from .types import kind_of
 
 _TEXT: Any = pd.Series(["text"]).dtype
@@ -287,6 +288,7 @@ def seconds_of(value: Any, name: str) -> float:
 Floats = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
 Kind = Literal["datetime", "datetime with time zone", "timedelta", "seconds", "rows"]
+PerSecond = Annotated[int, Check(lambda n: n in (1, 1_000, 1_000_000, 1_000_000_000), "1, 1000, 1000000 or 1000000000")]
 _NS = 1_000_000_000
 EARLIEST, LATEST = -2_840_140_800 * _NS, 6_311_433_600 * _NS
 """Nanoseconds from 1970 between which all dates and spans lie, 1880 and 2170: no difference of two of them wraps."""
@@ -312,12 +314,12 @@ class Times:
     `period` seconds apart, the first of them being row number `first_row` of its log.
     """
 
-    n: int
+    n: Counted
     kind: Kind
     ticks: NDArray[Any] | None = None
-    per_second: int = 1
-    period: float = 1.0
-    first_row: int = 0
+    per_second: PerSecond = 1
+    period: Positive = 1.0
+    first_row: Counted = 0
 
     def since_1970(self, stamp: float) -> float | None:
         """Date of a stamp [s]; None where times are no dates, nor seconds that can only be Unix times."""
