@@ -41,7 +41,6 @@ from thermocorr.effects.expressions import Decays, Word
 from thermocorr.effects.signals import DelayState
 from thermocorr.effects.stream import STEPPED, Sample, own_starts, stepper_of, walk
 from thermocorr.equations import compiled, lag_differences
-from thermocorr.estimators import fused as fused_columns
 from thermocorr.records import Block
 
 
@@ -95,11 +94,9 @@ def test_states_stay_small(effect):
     assert max(sizes) < 4000
 
 
-@pytest.mark.parametrize("one_pass", [False, True], ids=["walk", "one pass"])
 @pytest.mark.parametrize("effect", LIVE, ids=LIVE_NAMES)
-def test_following_rows_continue_the_fitted_record(effect, one_pass, monkeypatch):
-    """To the last bit where the fit walked block by block; the one compiled pass rounds its end states otherwise."""
-    monkeypatch.setattr(fused_columns, "FEWEST", 1 if one_pass else 10**9)
+def test_following_rows_continue_the_fitted_record(effect):
+    """To the last bit."""
     X = log(600, seed=2, holes=[200])
     y = X["temperature"] + np.random.default_rng(0).normal(0, 0.1, 600)
     for layout in ({}, {"max_gap": "1 h"}):
@@ -107,14 +104,11 @@ def test_following_rows_continue_the_fitted_record(effect, one_pass, monkeypatch
         features = model.pipeline_[0]
         together = features.transform(X)
         assert np.isfinite(together).all()
-        rounding = 1e-15 * np.abs(together).max(axis=0) if one_pass else 0.0
-        assert (np.abs(features.transform(X[450:]) - together[450:]) <= rounding).all()
+        np.testing.assert_array_equal(features.transform(X[450:]), together[450:])
         np.testing.assert_array_equal(features.transform(X[300:400]), together[300:400])
         fitted = DiffusiveFeatures([300.0], 2, effects=[effect], **layout)
         np.testing.assert_array_equal(fitted.fit_transform(X[:450]), together[:450])
-        np.testing.assert_allclose(
-            model.predict(X[450:]), model.predict(X)[450:], rtol=1e-15 if one_pass else 0, atol=0
-        )
+        np.testing.assert_array_equal(model.predict(X[450:]), model.predict(X)[450:])
 
 
 def test_rows_without_times_continue_too():

@@ -11,7 +11,7 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, ParquetLog, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.estimators import fused as binned
+from thermocorr.estimators import binned
 from thermocorr.estimators.uncertainty.covariance import BandSums
 from thermocorr.estimators.uncertainty.joint import NoiseModel
 from thermocorr.estimators.uncertainty.signed import coverage_factor

@@ -49,14 +49,15 @@ def walk(
     starts: dict[int, SegmentStart] | None = None,
     states: dict[int, list[Any]] | None = None,
     size: int = BLOCK_ROWS,
+    front: int = 0,
     extra: int = 0,
 ) -> Iterator[Walked]:
     """Columns of all effects, block by block in time order.
 
     `effects` (sequence of Effect): Learned effects. `record` (Record): What to walk through. `zero`, `starts` (see
     `Record.blocks`): How the record hangs on the fitted one. `states` (dict of segment number -> list of states):
-    Where to start; segments that are not in it start afresh. `size` (int): Rows of a block. `extra` (int): Free
-    columns to leave behind the effects' own.
+    Where to start; segments that are not in it start afresh. `size` (int): Rows of a block. `front`, `extra` (int):
+    Free columns to leave before and behind the effects' own.
     """
     widths = [effect.n_columns() for effect in effects]
     width = sum(widths)
@@ -64,8 +65,8 @@ def walk(
     for block in record.blocks(size, zero, starts):
         if block.start == record.segments[block.segment].start:
             current = list((states or {}).get(block.segment) or [None] * len(effects))
-        columns = np.empty((len(block), width + extra), order="F")
-        at = 0
+        columns = np.empty((len(block), front + width + extra), order="F")
+        at = front
         for i, (effect, n_columns) in enumerate(zip(effects, widths, strict=True)):
             current[i] = effect.fill(block, current[i], columns[:, at : at + n_columns])
             at += n_columns

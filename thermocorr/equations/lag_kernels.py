@@ -1,8 +1,6 @@
 """Factors of steps and the recursion of eq. (25), for numba to compile.
 
-Imported by whoever has asked `thermocorr.equations.compiled` for it, for numba takes half a second. What numba keeps
-for other processes is as old as the file of the function it belongs to: who changes this file removes `__pycache__`
-beside it, for `kernels.py` holds copies of what is written here.
+Imported by whoever has asked `thermocorr.equations.compiled` for it, for numba takes half a second.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ the same line for regular and irregular steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -173,15 +173,6 @@ def lag_differences(
         steps = np.concatenate(([first_step], steps[1:]))
         result = _solved(change, steps, time_constants, state.lag_difference, hold)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
-
-
-@lru_cache(maxsize=64)
-def factors_of_two_steps(
-    first: float, later: float, time_constants: tuple[float, ...], hold: Hold
-) -> tuple[Floats, Floats]:
-    """Factors of the first step of a block and of all others, shape (2, J), Fortran order; not to be written to."""
-    factors = decay_and_gain(np.array([[first], [later]]), np.array(time_constants), hold)
-    return np.asfortranarray(factors[0]), np.asfortranarray(factors[1])
 
 
 def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold) -> Floats:

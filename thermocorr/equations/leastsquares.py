@@ -1,4 +1,4 @@
-"""Least squares by merged triangular factors, eqs. (11)-(13) (30)-(32): plain, bordered, preconditioned.
+"""Least squares by merged triangular factors, eqs. (11)-(13) (30)-(32): plain, and bordered.
 
 The paper solves ``(Q'Q + eps I)^-1 Q'U``; forming Q'Q squares the condition number, and with neighbouring time
 constants every digit is lost. Here the rows of ``[1 | Q | U]`` are swept, block by block, into one small triangle R
@@ -8,17 +8,11 @@ treated apart and joined at the end.
 Start-up decays of hundreds of segments do not meet one another: their cross products are block diagonal, with a border
 of the shared columns. So each segment's own columns are eliminated by themselves, and what is left is a small problem
 in the shared ones (Bjorck 1996, Numerical Methods for Least Squares Problems, section 6.3).
-
-Cross products of the columns themselves square their condition number, so that neighbouring time constants lose every
-digit; Householder reflections do not, and pass over the rows many times. Here the columns are first multiplied by the
-inverse of the triangle R of what was seen before, as in Cholesky QR done twice (Yamamoto et al. 2015, ETNA 44, 306):
-``Z = rows R^-1`` is nearly orthogonal where the rows are like those before, and ``Z'Z = B`` is as good as it gets:
-``R' B R`` are the cross products. Where rows show a direction which R hardly knows, some are swept in by reflections.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -263,12 +257,10 @@ class BorderedFactor:
 
     @classmethod
     def of(cls, shared: Sequence[int], segments: Sequence[tuple[Sequence[int], Floats]], n_rows: int) -> BorderedFactor:
-        """Put segments together: the numbers of each one's own columns, and a matrix that stands for its rows."""
+        """Put segments together: the numbers of each one's own columns, and its triangle over these and the shared."""
         alike: dict[int, list[tuple[Sequence[int], Floats]]] = {}
-        for own, matrix in segments:
-            square, found = np.zeros((len(own) + len(shared),) * 2), triangle(matrix)
-            square[: len(found)] = found
-            alike.setdefault(len(own), []).append((own, square))
+        for own, r in segments:
+            alike.setdefault(len(own), []).append((own, r))
         groups = [
             Segments(np.array([own for own, _ in some], np.intp).reshape(len(some), k), np.stack([r for _, r in some]))
             for k, some in alike.items()
@@ -358,103 +350,3 @@ class BorderedFactor:
             missed -= np.einsum("sij,sj->si", group.rows[:, :, : group.k], found[group.own])
             squares += float(np.sum(missed**2))
         return squares
-
-
-LARGEST = 1e8
-"""Largest mean square, relative to all rows before, of a direction in rows that are not swept in by reflections."""
-_UNSEEN = 1e150
-"""One over the diagonal of R where a column was next to nothing so far: if it is no longer, its cross products are too
-large."""
-
-
-class Crossed(NamedTuple):
-    """Contribution of some rows to the cross products of all, in the coordinates of a triangle."""
-
-    triangle: Floats
-    """R, shape (q, q)."""
-    product: Floats | None
-    """B, upper triangle, shape (q, q): the cross products of the rows are ``R' B R``; None: they are ``R' R``."""
-
-    def factor(self) -> Floats:
-        """A matrix F with ``F' F`` equal to the cross products of the rows, shape (at most q, q)."""
-        if self.product is None:
-            return self.triangle
-        met = np.flatnonzero(self.product.diagonal() > 0.0)
-        product = self.product[np.ix_(met, met)]
-        upper, failed = lapack.dpotrf(product, lower=0, clean=1)
-        if failed:  # the rows say nothing about some direction
-            values, vectors = np.linalg.eigh(product, UPLO="U")
-            upper = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-        return np.asarray(upper @ self.triangle[met], np.float64)
-
-
-class Preconditioned:
-    """Cross products of rows of q columns, stretch by stretch, in the coordinates of the rows before.
-
-    `n_columns` (int): q.
-    """
-
-    def __init__(self, n_columns: int) -> None:
-        self._triangle: Floats = np.zeros((n_columns, n_columns), order="F")
-        self._grown: Floats = np.eye(n_columns)
-        self._pending = False
-        self._parts: dict[int, tuple[Floats, Floats]] = {}
-        self.knows_nothing = True
-        """True if no row has been taken in since some column was new."""
-
-    def begin(self, n_new: int, n_old: int) -> None:
-        """Replace the first `n_old` columns by `n_new` others, which nobody has seen so far."""
-        kept = self._up_to_date()[n_old:, n_old:]
-        triangle = np.zeros((n_new + len(kept),) * 2, order="F")
-        triangle[n_new:, n_new:] = kept
-        self._count_from(triangle)
-        self.knows_nothing = True
-
-    def take(self, first: int, crossed: Callable[[Floats, Floats, float], Floats]) -> list[Crossed]:
-        """Take parts of rows in by their cross products; an empty list, and nothing is taken, where these will not do.
-
-        `first` (int): How many of the first columns are zero in all rows. `crossed` (callable): Given R of the other
-        columns, one over its diagonal and `LARGEST`, upper triangles of B, shape (parts, q - first, q - first); it
-        may stop where a diagonal element becomes larger, for nothing is taken then.
-        """
-        if self.knows_nothing:
-            return []
-        triangle, inverse = self._part(first)
-        products = crossed(triangle, inverse, LARGEST)
-        if not np.einsum("pii->pi", products).max() <= LARGEST:  # or NaN
-            return []
-        self._grown[first:, first:] += products.sum(axis=0)
-        self._pending = True
-        # Growth of the cross products from which R is brought up to date
-        if self._grown.diagonal().max() > 1e3:
-            self._count_from(self._up_to_date())
-        return [Crossed(triangle, product) for product in products]
-
-    def reflect(self, first: int, rows: Floats) -> Crossed:
-        """Take in any rows by reflections: shape (n, q - first), Fortran order, overwritten."""
-        own = swept_in(np.zeros((len(self._triangle) - first,) * 2, order="F"), rows)
-        triangle = self._up_to_date()
-        triangle[first:, first:] = swept_in(triangle[first:, first:], own.copy(order="F"))
-        self._count_from(triangle)
-        self.knows_nothing = False
-        return Crossed(own, None)
-
-    def _part(self, first: int) -> tuple[Floats, Floats]:
-        """R without its first columns, and one over its diagonal."""
-        if first not in self._parts:
-            triangle = np.array(self._triangle[first:, first:], order="C")
-            diagonal = triangle.diagonal()
-            inverse = np.full(len(diagonal), _UNSEEN)
-            np.divide(1.0, diagonal, out=inverse, where=np.abs(diagonal) > 1 / _UNSEEN)
-            self._parts[first] = triangle, inverse
-        return self._parts[first]
-
-    def _count_from(self, triangle: Floats) -> None:
-        self._triangle, self._grown, self._parts, self._pending = triangle, np.eye(len(triangle)), {}, False
-
-    def _up_to_date(self) -> Floats:
-        """R of all rows so far."""
-        if not self._pending:
-            return self._triangle
-        upper = lapack.dpotrf(self._grown, lower=0, clean=1)[0]
-        return np.asfortranarray(np.triu(upper @ self._triangle))

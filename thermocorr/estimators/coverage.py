@@ -102,7 +102,9 @@ class Coverage(NamedTuple):
             return cls(degree, ())
         counts = np.zeros(BINS, int)
         for values in record.chunks(record.columns[name]):
-            counts += np.histogram(values, edges)[0]
+            known = values[np.isfinite(values)]
+            part = ((known - moments.low) * (BINS / (moments.high - moments.low))).astype(np.intp)
+            counts += np.bincount(np.minimum(part, BINS - 1), minlength=BINS)
         empty = counts == 0
         if not empty.any():
             return cls(degree, ())

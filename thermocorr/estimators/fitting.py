@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
@@ -14,12 +14,12 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..effects import InitialTransient
 from ..effects.protocol import Effect
-from ..effects.stream import Walked, block_rows, own_starts, pieces, walk
+from ..effects.stream import block_rows, own_starts, pieces, walk
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
-from ..equations.leastsquares import BorderedFactor
+from ..equations.leastsquares import WIDE, BorderedFactor
 from ..records import BLOCK_ROWS, Record, RecordError
+from .binned import Binned, Binning
 from .coverage import flat_effects
-from .fused import Binned, Binning, FusedColumns, FusedSweep, can_be_fused
 from .progress import one_blas_thread
 
 
@@ -100,35 +100,25 @@ class Swept:
     """Subtracted from every reading before it was swept in, so that its digits are kept."""
     binned: Binned | None = None
     """The record, averaged over short stretches; None where nobody gathered it."""
-    known_total: TriangularFactor | None = None
-    """Factor of all chunks; None where nobody made it."""
     bordered: BorderedFactor | None = None
     """What the segments say of columns of their own and of those they share; None where nobody made it."""
 
-    def ordered(self, effects: Sequence[int], columns: Sequence[int]) -> Swept:
-        """Factors and end states with columns and effects in another order, as `decays_first` gives it."""
-        ends = [[states[effects.index(i)] for i in range(len(states))] for states in self.end_states]
-        chunks = [chunk.select(columns) for chunk in self.chunks]
-        return Swept(chunks, ends, self.reading_offset, self.binned and self.binned.ordered(columns[1:-1]))
-
     def selected(self, columns: Sequence[int]) -> Swept:
         """Some of the columns of Q alone; states at ends of segments are not kept."""
-        kept = [0, *(1 + k for k in columns), self.total().r.shape[1] - 1]
-        total = None if self.known_total is None else self.known_total.select(kept)
+        kept = [0, *(1 + k for k in columns), self.chunks[0].r.shape[1] - 1]
         chunks, binned = [chunk.select(kept) for chunk in self.chunks], self.binned and self.binned.ordered(columns)
-        return Swept(chunks, [], self.reading_offset, binned, known_total=total)
+        return Swept(chunks, [], self.reading_offset, binned)
 
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
-        for factor in (*self.chunks, self.known_total):
-            if factor is not None:
-                factor.r[:, list(columns)] = 0.0
+        for factor in self.chunks:
+            factor.r[:, list(columns)] = 0.0
         self.bordered = None
         return self
 
     def total(self) -> TriangularFactor:
         """One factor of all rows."""
-        return TriangularFactor.merged(self.chunks if self.known_total is None else [self.known_total])
+        return TriangularFactor.merged(self.chunks)
 
     def solution(self, alpha: float) -> RidgeSolution:
         """Ridge least squares of all rows."""
@@ -167,68 +157,106 @@ def sweep_effects(
 def _swept(
     record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
 ) -> Swept:
-    if can_be_fused(record, effects, starts):
-        offset = reading_offset(record)
-        fused = FusedSweep(record, FusedColumns(effects, starts), edges, offset)
-        binned, total = fused.binning.binned(), fused.chunks.total()
-        return Swept(
-            fused.chunks, fused.end_states, offset, binned, known_total=total, bordered=fused.chunks.bordered()
-        )
-    order, columns = decays_first(effects)
-    walked = [effects[i] for i in order]
-    steps = walk(walked, record, starts=own_starts(record), size=block_rows(record.n_used), extra=2)
-    swept = sweep(record, steps, edges, reading_offset(record), starts)
-    return swept.ordered(order, columns)
+    """Sweep rows ``[own | 1 | Q | U]`` into a triangle for each stretch of each segment, the readings less an offset.
 
-
-def decays_first(effects: Sequence[Effect]) -> tuple[list[int], list[int]]:
-    """Order of effects in which start-up decays come first, and where ``[1 | Q | U]`` stands in the columns then.
-
-    Decays are soon over; while they stand first, `TriangularFactor` passes over them.
-    """
-    order = sorted(range(len(effects)), key=lambda i: not isinstance(effects[i], InitialTransient))
-    widths = [effect.n_columns() for effect in effects]
-    starts = dict(zip(order, np.cumsum([0, *(widths[i] for i in order)]).tolist(), strict=False))
-    columns = [starts[i] + k for i in range(len(effects)) for k in range(widths[i])]
-    return order, [sum(widths), *columns, sum(widths) + 1]
-
-
-def sweep(
-    record: Record, steps: Iterator[Walked], edges: np.ndarray, offset: float, starts: InitialTransient | None = None
-) -> Swept:
-    """Sweep the columns of a walk into factors of ``[Q | 1 | U]``, less what the decays of `starts` hold.
-
-    `steps` walks with ``extra=2``: free columns for the 1 and the reading, which is taken from the record, less
-    `offset`. Rows without a reading are left out; others count by their weight, where they have one.
+    `own` are the decays of the row's segment: those of `starts`, or else of the model's start-up decays. They stand
+    first, the fastest before all others, since leading columns of zeros cost nothing. Rows without a reading are left
+    out; others count by their weight, where they have one.
     """
     assert record.reading is not None
-    binning = Binning(record)
-    chunks: list[TriangularFactor] = []
-    ends: list[list[Any]] = []
-    begun: dict[tuple[int, int], TriangularFactor] = {}
-    for step in steps:
-        block, rows = step.block, step.columns
+    own: Any = starts or next((effect for effect in effects if type(effect) is InitialTransient), None)
+    shared = [i for i, effect in enumerate(effects) if effect is not own]
+    first = np.cumsum([1, *(effect.n_columns() for effect in effects)]).tolist()
+    places = [column for i in shared for column in range(first[i], first[i + 1])]
+    decays = {} if own is None else own.decays_
+    front = max(map(len, decays.values()), default=0)
+    at = next((first[i] for i, effect in enumerate(effects) if effect is own), None)
+    begins = {} if own is None else own.first_column_
+    gathered = SegmentFactors(first[-1] + 1, len(edges) - 1, [0, *places, first[-1]], front, at is None and front > 0)
+    binning, offset, ends = Binning(record, first[-1] - 1), reading_offset(record), list[list[Any]]()
+    walked, size = [effects[i] for i in shared], block_rows(record.n_used)
+    for block, rows, states in walk(walked, record, starts=own_starts(record), size=size, front=front + 1, extra=1):
+        k = len(decays.get(block.segment, ()))
+        rows[:, : front - k] = 0.0
+        mine: Sequence[int] = ()
+        if k:
+            rows[:, front - k : front] = own.own(block)
+        if k and at is not None:
+            mine = range(at + begins[block.segment], at + begins[block.segment] + k)
         reading = np.asarray(record.reading[block.rows], float) - offset
-        binning.take(block, rows[:, :-2], reading)
-        rows[:, -2], rows[:, -1] = 1.0, reading
+        rows[:, front], rows[:, -1] = 1.0, reading
+        binning.take(block, rows, [*mine, 0, *places], reading)
         if block.stop == record.segments[block.segment].stop:
-            ends.append(list(step.states))
-        if not chunks:
-            chunks = [TriangularFactor(rows.shape[1]) for _ in edges[1:]]
-        if starts is not None:
-            rows = np.column_stack((starts.own(block), rows))
+            left = iter(states)
+            ends.append([None if effect is own else next(left) for effect in effects])
         if record.weight is not None:
-            rows = rows * np.sqrt(record.weight[block.rows])[:, None]
+            rows *= np.sqrt(record.weight[block.rows])[:, None]
         known = np.isfinite(reading) if np.isnan(reading.sum()) else None
         for chunk, part in pieces(edges, block):
-            piece = np.asfortranarray(rows[part] if known is None else rows[part][known[part]])
-            if starts is None:
-                chunks[chunk].update(piece)
-            else:
-                begun.setdefault((chunk, block.segment), TriangularFactor(rows.shape[1])).update(piece)
-    for (chunk, _), factor in begun.items():
-        chunks[chunk].merge(factor.behind(factor.r.shape[1] - chunks[chunk].r.shape[1]))
-    return Swept(chunks, ends, offset, binning.binned())
+            piece = rows[part] if known is None else rows[part][known[part]]
+            gathered.take(chunk, block.segment, mine, np.asfortranarray(piece))
+    return Swept(gathered, ends, offset, binning.binned(), gathered.bordered())
+
+
+class SegmentFactors(Sequence[TriangularFactor]):
+    """Factors of ``[1 | Q | U]``, one for each stretch, made from those of its segments when they are asked for.
+
+    `width` (int): Columns of ``[1 | Q | U]``. `n_stretches` (int). `shared` (sequence of int): Numbers of the columns
+    that all segments share: the 1 first, the reading last. `front` (int): Columns of a segment's own. `hidden` (bool):
+    These have no number: what they hold is taken out of the others.
+    """
+
+    def __init__(self, width: int, n_stretches: int, shared: Sequence[int], front: int, hidden: bool):
+        self.width, self._shared, self._front, self._hidden = width, list(shared), front, hidden
+        self._parts: list[dict[int, TriangularFactor]] = [{} for _ in range(n_stretches)]
+        self._own: dict[int, list[int]] = {}
+        self._made: list[TriangularFactor] | None = None
+
+    def take(self, stretch: int, segment: int, own: Sequence[int], rows: np.ndarray) -> None:
+        """Sweep in rows ``[own | 1 | Q | U]`` of a segment, whose own columns, the last ones of `front`, are `own`."""
+        self._own[segment] = list(own)
+        self._parts[stretch].setdefault(segment, TriangularFactor(rows.shape[1])).update(rows)
+
+    def _triangle(self, factor: TriangularFactor, segment: int) -> np.ndarray:
+        """R of a segment's factor over its own columns, where they have numbers, and ``[1 | Q | U]``."""
+        first = self._front - len(self._own[segment])
+        return factor.behind(first).r if self._hidden else factor.r[first:, first:]
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    @overload
+    def __getitem__(self, which: int) -> TriangularFactor: ...
+    @overload
+    def __getitem__(self, which: slice) -> list[TriangularFactor]: ...
+    def __getitem__(self, which: int | slice) -> TriangularFactor | list[TriangularFactor]:
+        if self._made is None:
+            self._made = [self._whole(parts) for parts in self._parts]
+            self._parts = [{} for _ in self._made]
+        return self._made[which]
+
+    def _whole(self, parts: dict[int, TriangularFactor]) -> TriangularFactor:
+        """The factor of a stretch."""
+        made = [(self._own[segment], self._triangle(factor, segment)) for segment, factor in parts.items()]
+        stacked, at = np.zeros((sum(len(r) for _, r in made), self.width), order="F"), 0
+        for own, r in made:
+            stacked[at : at + len(r), [*own, *self._shared]] = r
+            at += len(r)
+        return TriangularFactor.standing_for(stacked, sum(factor.n_rows for factor in parts.values()))
+
+    def bordered(self) -> BorderedFactor | None:
+        """Factor with one block of own columns for each segment, and the shared ones; None where all are few."""
+        if self.width <= WIDE or self._hidden or not self._front:
+            return None
+        of_segments: dict[int, list[TriangularFactor]] = {}
+        for parts in self._parts:
+            for segment, factor in parts.items():
+                of_segments.setdefault(segment, []).append(factor)
+        merged = {
+            key: some[0] if len(some) == 1 else TriangularFactor.merged(some) for key, some in of_segments.items()
+        }
+        segments = [(self._own[key], self._triangle(factor, key)) for key, factor in merged.items()]
+        return BorderedFactor.of(self._shared, segments, sum(factor.n_rows for factor in merged.values()))
 
 
 def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:

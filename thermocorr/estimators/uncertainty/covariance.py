@@ -23,7 +23,7 @@ from ...effects.thermal import ThermalLag
 from ...equations import TriangularFactor
 from ...equations.noise import RATIO, Bands, fitted_parts, spans
 from ...records import History
-from ..fused import Binned, binned_columns
+from ..binned import Binned, binned_columns
 from ..heteroscedasticity import evenness
 from ..time_constants.folds import MOST_SEGMENTS
 
