@@ -20,10 +20,6 @@ from thermocorr.datasets import make_record
 from thermocorr.effects.grids import since_start
 from thermocorr.foreign import HowToRead, joined
 from thermocorr.interactive.acts import guessed
-from thermocorr.interactive.bench import Bench
-from thermocorr.interactive.source import opened
-from thermocorr.interactive.takeaway import reopened, session_text
-from thermocorr.interactive.tiles import Store
 from thermocorr.records import Layout, read_record, seconds_of
 
 ROWS = 1200
@@ -75,18 +71,6 @@ def test_several_files_and_the_workbench_know_what_is_no_time(record, tmp_path):
     np.testing.assert_array_equal(joined([room, meter], None, how).frame["t"], log["temperature"])
     roles = guessed(pd.read_csv(room).assign(R=1.0), temperature="t", reading="R")
     assert (roles.time, roles.temperature) == ("date_time", "t")
-
-
-def test_a_session_of_several_files_keeps_what_is_no_time(record, tmp_path):
-    log = record.reset_index()
-    room = as_csv(tmp_path, log[["temperature", "time"]].set_axis(["t", "date_time"], axis=1), "room.csv")
-    meter = as_csv(tmp_path, log[["time", "reading"]], "meter.csv")
-    source = opened([meter, room], HowToRead(reading="reading", no_times=("t",)), join=True)
-    bench = Bench(source, Store(tmp_path), roles=guessed(source.frame, temperature="t", reading="reading"))
-    (tmp_path / "session.json").write_text(session_text(bench))
-    again = reopened(tmp_path / "session.json", Store(tmp_path))
-    assert again.source.how == source.how
-    pd.testing.assert_frame_equal(again.source.frame, source.frame)
 
 
 @pytest.mark.parametrize("time_constants", ["auto", ["5 min"]])

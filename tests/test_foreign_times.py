@@ -187,10 +187,9 @@ def test_the_index_of_a_parquet_log_is_read_again(name, spans, tmp_path, capsys)
     assert "1200 readings of 'reading', temperature 'temperature' (degC by their size), a row every 1 min" in (
         capsys.readouterr().out
     )
-    for more in ([], ["--follow", "--idle", "0"]):
-        assert main(["correct", str(again), "--model", str(out / "model.json"), *named, *more]) == 0
-        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
-        np.testing.assert_allclose(shown["corrected_thermocorr"], shown["corrected"], rtol=0, atol=1e-9)
+    assert main(["correct", str(again), "--model", str(out / "model.json"), *named]) == 0
+    shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(shown["corrected_thermocorr"], shown["corrected"], rtol=0, atol=1e-9)
 
 
 def test_times_of_several_files_are_written_as_they_came(tmp_path, capsys):
@@ -218,11 +217,10 @@ def test_a_comma_before_the_fraction_of_a_second_is_a_point(separator, behind, t
     assert main(["analyze", log, "--time-constants", "5min", "--out", str(out)]) == 0
     written = pd.read_csv(out / "corrected.csv", parse_dates=["time"])
     assert (written["time"].dt.tz_localize(None).to_numpy() == times.to_numpy()).all()
-    for more in ([], ["--follow", "--idle", "0"]):
-        capsys.readouterr()
-        assert main(["correct", log, "--model", str(out / "model.json"), *more]) == 0
-        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
-        np.testing.assert_allclose(shown["corrected"], written["corrected"], rtol=0, atol=1e-9)
+    capsys.readouterr()
+    assert main(["correct", log, "--model", str(out / "model.json")]) == 0
+    shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    np.testing.assert_allclose(shown["corrected"], written["corrected"], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("word", ["OVLD", "O.L", "-OVER", "Out of range", "---", "unavailable", "\u2212"])

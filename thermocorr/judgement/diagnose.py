@@ -300,7 +300,7 @@ def _conclude(
     grounds = Grounds(
         named=bool(found),
         ambiguous=bool(found and found[0].confusable_with),
-        structure=rest.unknown or bool(small),
+        structure=rest.unknown or (bool(small) and not rest.filtered),  # a filter's noise is not quite that of the law
         spoiled=bool(search.pool.record.refused) and not model.screen,
     )
     ranked = [*found, *slight]
