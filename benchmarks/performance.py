@@ -64,10 +64,11 @@ class Line(NamedTuple):
 
 
 class Lags(TransformerMixin, BaseEstimator):
-    """What a user would write: lags by scipy's lfilter, regular steps, at rest with the first temperature."""
+    """What a user would write: lags by scipy's lfilter, regular steps, and the decays of a start, where it was none."""
 
-    def __init__(self, time_constants: tuple[float, ...] = TAUS):
+    def __init__(self, time_constants: tuple[float, ...] = TAUS, decays: bool = False):
         self.time_constants = time_constants
+        self.decays = decays
 
     def fit(self, X: np.ndarray, y: object = None) -> Self:
         return self
@@ -75,7 +76,9 @@ class Lags(TransformerMixin, BaseEstimator):
     def transform(self, X: np.ndarray) -> np.ndarray:
         T = X[:, 0]
         keep = [np.exp(-STEP / tau) for tau in self.time_constants]
-        return np.column_stack([T, *(lfilter([1 - a], [1, -a], T, zi=[a * T[0]])[0] - T for a in keep)])
+        columns = [T, *(lfilter([1 - a], [1, -a], T, zi=[a * T[0]])[0] - T for a in keep)]
+        rows = np.arange(len(T))
+        return np.column_stack([*columns, *(a**rows for a in keep)] if self.decays else columns)
 
 
 def record(n: int, jitter: float = 0.0) -> tuple[pd.DataFrame, pd.Series]:
@@ -148,7 +151,7 @@ def searches(n: int, sets: int) -> Line:
         refit=False,
     )  # fmt: skip
     grid = GridSearchCV(
-        make_pipeline(Lags(), Ridge(1e-6, solver="cholesky")), {"lags__time_constants": chosen[:sets]},
+        make_pipeline(Lags(decays=True), Ridge(1e-6, solver="cholesky")), {"lags__time_constants": chosen[:sets]},
         cv=TimeSeriesSplit(5), scoring="neg_root_mean_squared_error", refit=False,
     )  # fmt: skip
     what, against = f"search of 1000 sets in 5 folds, {in_rows(n)}", f"GridSearchCV of {LFILTER}"
