@@ -28,7 +28,6 @@ from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, sav
 from thermocorr import effects as fx
 from thermocorr.command import correct as correct
 from thermocorr.command.cli import main as command
-from thermocorr.records.files import read_table
 
 TIMED = ("dates", "zone", "spans", "seconds", "text")
 LABELS: list[list[Any]] = [list("abcdef"), [3, 1, 2, 7, 5, 4], [0.5, 1.5, 1e6, 2.25, 7.0, -1.0]]
@@ -175,7 +174,7 @@ def command_case(rng, counts: Counter) -> list[str]:
             given = ("--reading", "reading", "--out", folder)
             said = run("analyze", path, "--variant", "dynamic-linear", *given, *options(rng, layout, max_gap, labels))
         else:
-            table, fitted, said = read_table(path), random_model(rng, layout, max_gap, labels is not None), []
+            table, fitted, said = pd.read_csv(path), random_model(rng, layout, max_gap, labels is not None), []
             fitted.set_params(effects=[effect for effect in fitted.effects if isinstance(effect, fx.Effect)])
             fitted.fit(table, table["reading"]).evaluate(table, table["reading"]).to_csv(known)
             save_model(fitted, model)

@@ -3,18 +3,16 @@
 import json
 import math
 from datetime import datetime
-from decimal import Decimal
 
 import numpy as np
 import pandas as pd
 import pytest
 from streams import one_by_one, stream
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, RecordWarning
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError, RecordWarning
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.records import Layout, read_record
-from thermocorr.records.files import read_table
 from thermocorr.records.numbers import as_numbers
 from thermocorr.records.times import Times
 
@@ -44,35 +42,6 @@ def test_dates_of_other_centuries_are_refused():
 
 def test_rows_without_times_are_counted_in_seconds():
     assert Times(5, "rows", period=15.0).label(2) == "30 s"
-
-
-def test_decimals_of_parquet_are_the_nearest_numbers(tmp_path):
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    from pyarrow import parquet
-
-    values = [Decimal("0.1"), None, Decimal("123456789012345678.90123456789"), Decimal("-7.3")]
-    texts = pa.array(["a", "b", "c", "d"])
-    table = pa.table({"x": pa.array(values, pa.decimal128(38, 11)), "t": texts})
-    parquet.write_table(table, tmp_path / "t.parquet")
-    log = ParquetLog(tmp_path / "t.parquet")
-    expected = [math.nan if value is None else float(value) for value in values]
-    np.testing.assert_array_equal(log["x"][:], expected)
-    np.testing.assert_array_equal(as_numbers(read_table(tmp_path / "t.parquet")["x"], "x"), expected)
-    assert log["x"].shape == (4,)
-    with pytest.raises(RecordError, match=r"column 't' holds string\. Write dates, spans or seconds, not"):
-        log.times("t")
-
-
-@pytest.mark.parametrize("kind", ["binary", "dictionary"])
-def test_bytes_are_no_dates_whether_they_stand_once_or_often(kind, tmp_path):
-    pa = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    from pyarrow import parquet
-
-    times = pa.array([b"2024-03-04 01:00", b"2024-03-04 01:01", b"2024-03-04 01:02"])
-    times = times if kind == "binary" else times.dictionary_encode()
-    parquet.write_table(pa.table({"time": times, "temperature": [20.0, 21.0, 22.0]}), tmp_path / "t.parquet")
-    with pytest.raises(RecordError, match=r"holds a bytes in row 0. Give dates, spans or seconds"):
-        read_record(read_table(tmp_path / "t.parquet"), Layout("temperature", time="time"))
 
 
 @pytest.mark.parametrize("T", [1e39, -1e39])

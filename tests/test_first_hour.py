@@ -6,20 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    OnlineCorrector,
-    ParquetLog,
-    RecordError,
-    RecordWarning,
-    load_model,
-    save_model,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, RecordWarning, load_model, save_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects.grids import since_start
-from thermocorr.foreign import HowToRead, joined
-from thermocorr.interactive.acts import guessed
 from thermocorr.records import Layout, read_record, seconds_of
 
 ROWS = 1200
@@ -45,11 +35,11 @@ def test_a_column_that_is_named_as_something_else_is_not_the_time(record, tmp_pa
     log = record.reset_index()[["time", "temperature", "reading"]]
     path, out = as_csv(tmp_path, log.set_axis(["stamp", "T", "t"], axis=1)), tmp_path / "out"
     assert analyze(path, "--temperature", "T", "--reading", "t", "--out", str(out)) == 0
-    assert load_model(out / "model.json").time == "stamp"
+    assert load_model(out / "model.json").form_.clock.columns == ["stamp"]
     named = ("--temperature", "T", "--reading", "reading")
     path = as_csv(tmp_path, log.set_axis(["Time", "T", "reading"], axis=1))
     assert analyze(path, *named, "--out", str(out), "--force") == 0
-    assert load_model(out / "model.json").time == "Time"
+    assert load_model(out / "model.json").form_.clock.columns == ["Time"]
 
 
 def test_a_model_whose_temperature_is_called_t_corrects_a_log(record, tmp_path, capsys):
@@ -61,16 +51,6 @@ def test_a_model_whose_temperature_is_called_t_corrects_a_log(record, tmp_path, 
     assert main(["correct", "--model", str(tmp_path / "model.json"), path]) == 0
     corrected = capsys.readouterr().out.splitlines()
     assert len(corrected) == ROWS + 1
-
-
-def test_several_files_and_the_workbench_know_what_is_no_time(record, tmp_path):
-    log = record.reset_index()
-    room = as_csv(tmp_path, log[["temperature", "time"]].set_axis(["t", "date_time"], axis=1), "room.csv")
-    meter = as_csv(tmp_path, log[["time", "reading"]], "meter.csv")
-    how = HowToRead(reading="reading", no_times=("t", "reading"))
-    np.testing.assert_array_equal(joined([room, meter], None, how).frame["t"], log["temperature"])
-    roles = guessed(pd.read_csv(room).assign(R=1.0), temperature="t", reading="R")
-    assert (roles.time, roles.temperature) == ("date_time", "t")
 
 
 @pytest.mark.parametrize("time_constants", ["auto", ["5 min"]])
@@ -117,7 +97,7 @@ def test_all_columns_that_are_to_be_named_are_asked_for_at_once(names, options, 
 def test_more_names_of_times_are_known(name, record, tmp_path):
     log = record.reset_index()[["time", "temperature", "reading"]].rename(columns={"time": name})
     assert analyze(as_csv(tmp_path, log), "--out", str(tmp_path / "out")) == 0
-    assert load_model(tmp_path / "out" / "model.json").time == name
+    assert load_model(tmp_path / "out" / "model.json").form_.clock.columns == [name]
 
 
 def with_unix_times(record, unit):
@@ -135,7 +115,7 @@ def test_unix_times_that_are_no_seconds_are_told_from_them(record, tmp_path, uni
     dated = model.fit(X.assign(t=pd.to_datetime(X["t"], unit=unit)), y).coef_
     out = tmp_path / "out"
     assert analyze(as_csv(tmp_path, X.assign(reading=y)), "--time", "t", "--reading", "reading", "--out", str(out)) == 0
-    assert load_model(out / "model.json").features_.history_.kind == "datetime"
+    assert load_model(out / "model.json").features_.history_.kind == "datetime with time zone"
     seconds, _ = with_unix_times(record, "s")
     np.testing.assert_allclose(model.fit(seconds, y).coef_, dated, rtol=1e-6)  # seconds since 1970 are seconds
 
@@ -145,15 +125,6 @@ def test_numbers_too_large_for_seconds_are_refused(record):
     X.loc[7, "t"] = 5  # one damaged time, and they are no Unix times by their range
     with pytest.raises(RecordError, match="no seconds, and no Unix times of this century"):
         DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(X, y)
-
-
-def test_unix_times_in_a_parquet_log_are_told_from_seconds(record, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    X, y = with_unix_times(record, "ms")
-    X.assign(reading=y).to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    with pytest.raises(RecordError, match="Unix times in ms"):
-        DynamicBiasRegressor("temperature", ["5 min"], time="t").fit(log, log["reading"])
 
 
 def told(frame, y, **own):

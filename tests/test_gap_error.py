@@ -10,15 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import (
-    DynamicBiasRegressor,
-    OnlineCorrector,
-    ParquetLog,
-    compare_variants,
-    load_model,
-    refine,
-    save_model,
-)
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, compare_variants, load_model, refine, save_model
 from thermocorr.datasets import make_record
 from thermocorr.effects import LaggedCovariate
 from thermocorr.equations import lag_differences
@@ -157,16 +149,6 @@ def test_it_is_said_how_many_readings_are_left_out():
     said = [str(one.message) for one in caught if "behind gaps" in str(one.message)]
     assert len(said) == 1 and "are not learned from" in said[0] and "max_gap" in said[0]
     assert said[0] in model.notes_ and "% of all" not in said[0]
-
-
-def test_a_log_on_disk_is_fitted_alike(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    record = make_record(4000, gaps=6, seed=715).reset_index()
-    record.to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    model = DynamicBiasRegressor("temperature", ["5 min", "90 min"], time="time")
-    here, there = model.fit(record[["time", "temperature"]], record["reading"]).coef_, model.fit(log, log["reading"])
-    np.testing.assert_allclose(there.coef_, here, rtol=1e-9)
 
 
 def test_a_gap_in_one_run_is_not_felt_in_the_next():

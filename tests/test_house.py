@@ -19,7 +19,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 ROOT = Path(__file__).parents[1]
 BESIDE = sorted(path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py"))
 FLOORS = {
-    "equations": 0, "records": 1, "foreign": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "displays": 4,
+    "equations": 0, "records": 1, "readers": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "displays": 4,
     "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "interactive": 7,
     "command": 8,
 }  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose, refine
+from thermocorr import DynamicBiasRegressor, diagnose, read_log, refine
 from thermocorr.datasets import make_record
 from thermocorr.judgement import data
 from thermocorr.records import RecordError
@@ -19,20 +19,15 @@ def record_with(effect, n=N, seed=91):
     return record.drop(columns="reading"), record["reading"]
 
 
-@pytest.fixture
-def as_log(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-
-    def write(X, y, name="log.parquet"):
-        X.assign(reading=y).to_parquet(tmp_path / name, row_group_size=777)
-        log = ParquetLog(tmp_path / name)
-        return log, log["reading"]
-
-    return write
+def as_log(X, y):
+    """The record in parts."""
+    whole = X.assign(reading=y)
+    log = read_log(whole[start : start + 777] for start in range(0, len(X), 777))
+    return log.drop(columns="reading"), log["reading"]
 
 
 @pytest.mark.parametrize("effect", ["hysteresis", "covariate"])
-def test_a_log_is_judged_as_the_frame_is(effect, as_log):
+def test_a_log_is_judged_as_the_frame_is(effect):
     X, y = record_with(effect, 5000)
     y.iloc[[700, 2500]] += 40.0
     X.iloc[100:110, X.columns.get_loc("humidity")] = np.nan  # a suspect with a short hole
@@ -44,7 +39,7 @@ def test_a_log_is_judged_as_the_frame_is(effect, as_log):
     assert found.data.n_readings == expected.data.n_readings  # the page is gathered from the log as well
 
 
-def test_a_log_is_refined_as_the_frame_is(as_log):
+def test_a_log_is_refined_as_the_frame_is():
     X, y = record_with("step", 4000)
     model = DynamicBiasRegressor("temperature", ["5 min", "90 min"])
     log, reading = as_log(X, y)

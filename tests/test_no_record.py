@@ -2,7 +2,7 @@
 
 import pytest
 
-from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError, diagnose
+from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, OnlineCorrector, RecordError, diagnose
 from thermocorr.datasets import make_record
 
 
@@ -12,19 +12,10 @@ def record():
 
 
 @pytest.mark.parametrize(
-    ("paths", "said"), [("no.parquet", "There is no file no.parquet"), (".", "is a folder"), ([], "needs a file")]
-)
-def test_a_parquet_log_of_no_file_is_refused_in_a_sentence(paths, said):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    with pytest.raises(RecordError, match=said):
-        ParquetLog(paths)
-
-
-@pytest.mark.parametrize(
     ("make", "said"),
     [
         (lambda X: X.to_dict("list"), r"X is a dict. Pass a DataFrame, for example pandas.DataFrame\(X\)"),
-        (lambda X: "log.csv", r"X is a str. Pass a DataFrame, which pandas.read_csv makes of a file"),
+        (lambda X: "log.csv", r"X is a str. Pass a DataFrame, which thermocorr.read_log makes of a file"),
     ],
 )
 def test_what_is_no_table_is_refused_by_its_kind(record, make, said):

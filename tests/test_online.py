@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sklearn.preprocessing import SplineTransformer
 from streams import agree, one_by_one, stream
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, ParquetLog, RecordError
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError
 from thermocorr.datasets import make_record
 from thermocorr.effects import Drift, LaggedCovariate
 
@@ -274,14 +274,11 @@ def test_bad_calls_say_what_is_wrong(default):
     assert single == OnlineCorrector(model).update(X.index[900], 23.0, 1.0)  # nothing of the above has left a trace
 
 
-def test_parquet_logs_and_transformers_live(default, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
+def test_transformers_live(default):
     _, X, y = default
     X, y = X[:700], y[:700]
     model = DynamicBiasRegressor(time_constants=[300.0], effects=[SplineTransformer(3)]).fit(X[:600], y[:600])
-    X[600:].assign(reading=y[600:]).to_parquet(tmp_path / "log.parquet")
-    part = ParquetLog(tmp_path / "log.parquet")
-    got = OnlineCorrector(model).update_many(part, part["reading"])
+    got = OnlineCorrector(model).update_many(X[600:], y[600:])
     agree(model, X[600:], y[600:], got["corrected"], got["flag"])
     single = one_by_one(OnlineCorrector(model), X[600:], y[600:])
     agree(model, X[600:], y[600:], [s.corrected for s in single], [s.flag for s in single])

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import thermocorr.pages
-from thermocorr import DynamicBiasRegressor, ParquetLog
+from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
 from thermocorr.displays.words import aspect_text, ends_text, interval_text, place_text
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
@@ -172,18 +172,6 @@ def test_a_page_says_where_the_correction_leaves_the_readings_or_adds_noise():
     assert page_text.index("The corrected readings have a mean of") < page_text.index("<nav>")
     elsewhere = DynamicBiasRegressor("temperature", ["10 min"], reference_temperature=60.0).fit(X, y)
     assert PageData.of(elsewhere, X, y).warnings == ()  # asked for
-
-
-def test_a_page_of_a_log_in_a_file_says_so_too(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    record = make_record(4000, seed=1)
-    model = DynamicBiasRegressor("temperature", ["30 s", "10 min"]).fit(record, record["reading"])
-    hot = record.assign(temperature=record["temperature"] + 30.0)
-    hot.to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    (left, louder), whole = PageData.of(model, log, log["reading"]).warnings, PageData.of(model, hot, hot["reading"])
-    assert left == whole.warnings[0]
-    assert louder == whole.warnings[1].split(", most of it")[0] + "."
 
 
 # ---- parameters of effects

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, diagnose
+from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.sensor_artefacts import is_repeated
 from thermocorr.records.errors import RecordWarning
@@ -46,20 +46,6 @@ def test_readings_that_stand_in_several_rows_are_no_effect(seed, rows):
     once, other = repeated.mask(repeated == repeated.shift()), DynamicBiasRegressor("temperature")
     assert model.residual_std_ == pytest.approx(other.fit(X, once).residual_std_, rel=1e-12)
     assert model.flags(X, repeated).eq("").all()  # later rows are corrected: what is measured is still shown
-
-
-def test_a_parquet_log_is_screened_as_a_frame_is(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    X, y = record(0)
-    once = y.to_numpy()[np.arange(N) // 5 * 5]
-    X.assign(reading=once).to_parquet(tmp_path / "log.parquet", row_group_size=777)
-    log = ParquetLog(tmp_path / "log.parquet")
-    model = DynamicBiasRegressor("temperature", ["5 min"], max_gap="10 min")
-    expected = model.fit(X, pd.Series(once, X.index))
-    notes, coef = expected.notes_, expected.coef_
-    found = model.fit(log, log["reading"])
-    assert found.notes_ == notes
-    np.testing.assert_array_equal(found.coef_, coef)
 
 
 @pytest.mark.parametrize("seed", range(3))

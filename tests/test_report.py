@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from browser import complaints, numbers, opened, prefer, requests, resize, series
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, compare_variants, diagnose, refine
+from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.estimators.tables import VERDICTS
@@ -334,21 +334,6 @@ def test_runs_that_overlap_in_time_stand_one_after_the_other(browser, tmp_path):
     told = browser.execute_script("const c = thermocorr.charts.series; return c.when(c.x[c.x.length - 1], 1)")
     unit = {"s": 1.0, "min": 60.0, "h": 3600.0}[told.split()[1]]
     assert float(told.split()[0]) * unit == pytest.approx(X["s"].iloc[-1], rel=1e-5)  # its true time is told
-
-
-def test_a_log_in_a_file_is_read_block_by_block(tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    record = make_record(5000, seed=1)
-    record.to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    model = DynamicBiasRegressor("temperature", ["5 min", "1 h"]).fit(log, log["reading"])
-    whole = PageData.of(model, record, record["reading"], most=1000)
-    pieces = PageData.of(model, log, log["reading"], most=1000)
-    assert pieces.traces.rows_per_cell == whole.traces.rows_per_cell > 1
-    for name, values in whole.traces.columns.items():
-        np.testing.assert_allclose(pieces.traces.columns[name], values, rtol=1e-12, atol=1e-12)
-    path = write_report(tmp_path / "out" / "report.html", model, log, log["reading"])
-    assert "<h2>The record</h2>" in path.read_text(encoding="utf-8")
 
 
 def test_the_command_writes_the_report(tmp_path, capsys):

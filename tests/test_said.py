@@ -186,7 +186,7 @@ def test_times_of_the_log_count_beside_a_sampling_period(bench, tmp_path, capsys
     stopped = written(tmp_path, bench[1], time="2024-03-04T00:00:00")
     assert analyze(stopped, "--sampling-period", "5s") == 0
     said = capsys.readouterr().out
-    assert "'time' does not go forward" in said and "a row every 5 s" in said
+    assert "The times do not go forward" in said and "a row every 5 s" in said
 
 
 @pytest.mark.parametrize(
@@ -207,17 +207,20 @@ def test_a_temperature_in_a_unit_of_none(bench, tmp_path, capsys):
     assert "The unit of 'Feuchte [%rH]' is %, no temperature" in capsys.readouterr().out
 
 
-def test_times_without_the_zone_of_the_model_are_refused_once(bench, autumn, tmp_path, capsys):
+def test_times_are_in_the_zone_of_the_models_log_or_refused(bench, autumn, tmp_path, capsys):
+    """A log that is written as the fitted one is in its zone; one of another form may be in any."""
     assert analyze(autumn, "--timezone", "Europe/Berlin", "--out", tmp_path / "zoned") == 0
     command = ["correct", "--model", str(tmp_path / "zoned" / "model.json")]
+    assert main([*command, autumn, "--out", str(tmp_path / "out.csv")]) == 0
+    same = [pd.read_csv(path)["time"].tolist() for path in (tmp_path / "out.csv", tmp_path / "zoned" / "corrected.csv")]
+    assert same[0] == same[1] and same[0][0] == "2024-10-26 20:00:00+00:00"
     capsys.readouterr()
-    assert main([*command, autumn, "--out", str(tmp_path / "out.csv")]) == 2
+    other = tmp_path / "tabs.csv"
+    pd.read_csv(autumn).to_csv(other, sep="\t", index=False)
+    assert main([*command, str(other)]) == 2
     said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "'time' have no zone" in said and "--timezone Europe/Berlin" in said
-    assert main([*command, autumn, "--timezone", "Europe/Berlin", "--out", str(tmp_path / "out.csv")]) == 0
-    zoned = bench[1].assign(time=bench[1]["time"] + "Z")
-    assert correct(bench, written(tmp_path, zoned)) == 2
-    assert "have a zone, and those that the model was fitted to have none" in capsys.readouterr().err
+    assert said.count("\n") == 1 and "The times have no zone" in said and "--timezone Europe/Berlin" in said
+    assert main([*command, str(other), "--timezone", "Europe/Berlin"]) == 0
 
 
 def test_a_sample_that_is_no_number_is_refused_in_a_sentence(bench):

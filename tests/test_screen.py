@@ -9,7 +9,6 @@ import pytest
 from thermocorr import (
     DynamicBiasRegressor,
     OnlineCorrector,
-    ParquetLog,
     RecordError,
     RecordWarning,
     compare_variants,
@@ -241,16 +240,6 @@ def test_it_is_said_once_and_at_the_users_line(clean):
     places = [(str(w.message), w.filename, w.lineno) for w in caught if issubclass(w.category, RecordWarning)]
     assert {filename for _, filename, _ in places} == {__file__}
     assert len(set(places)) == len(places)
-
-
-def test_a_parquet_log_is_screened_as_a_frame_is(clean, tmp_path):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow: pip install '.[parquet]'")
-    X, y, _ = spoiled(*clean)
-    X.assign(reading=y).to_parquet(tmp_path / "log.parquet", row_group_size=777)
-    log = ParquetLog(tmp_path / "log.parquet")
-    model, same = fit(X, y), fit(log, log["reading"])
-    np.testing.assert_array_equal(model.coef_, same.coef_)
-    assert model.notes_ == same.notes_
 
 
 def test_without_the_screen_they_are_learned_from(clean):

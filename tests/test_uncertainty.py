@@ -9,7 +9,7 @@ from noisy import TIMES, device, markov
 from scipy.linalg import toeplitz
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, ParquetLog, load_model, save_model
+from thermocorr import DynamicBiasRegressor, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.estimators import binned
 from thermocorr.estimators.uncertainty.covariance import BandSums
@@ -179,16 +179,6 @@ def test_many_segments(monkeypatch):
     model = DynamicBiasRegressor("temperature", TIMES, run="run").fit(X, y)
     u = model.bias(X, return_std=True)[1]
     assert np.isfinite(u).all() and 0.001 < np.median(u) < 0.05
-
-
-def test_a_parquet_log(tmp_path):
-    pytest.importorskip("pyarrow", reason="a ParquetLog needs pyarrow, the extra 'parquet'")
-    X, y, _ = device(3000, 8, np.random.default_rng(8).standard_normal(3000))
-    X.assign(reading=y).to_parquet(tmp_path / "log.parquet")
-    log = ParquetLog(tmp_path / "log.parquet")
-    model = DynamicBiasRegressor("temperature", TIMES).fit(log, log["reading"])
-    frame = DynamicBiasRegressor("temperature", TIMES).fit(X, y)
-    np.testing.assert_allclose(model.predict(log, return_std=True)[1], frame.predict(X, return_std=True)[1], rtol=1e-9)
 
 
 @pytest.mark.parametrize("times", [TIMES, "auto"], ids=["given", "searched"])

@@ -108,7 +108,7 @@ def test_a_preview_says_what_the_fit_then_leaves(bench):
     seen = bench.perform({"do": "preview", "suspect": 0})
     found = bench.current
     taus, alpha = found.model.time_constants_.tolist(), found.model.alpha_
-    held = DynamicBiasRegressor("temperature", taus, degree=1, alpha=alpha, time="time")
+    held = DynamicBiasRegressor("temperature", taus, degree=1, alpha=alpha)
     fitted = held.with_effect(found.diagnosis.suspects[0].effect).fit(found.data.X, found.data.learned)
     residual = fitted.evaluate(found.data.X, found.data.y)["residual"]
     assert seen["after"]["value"] == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-12)
@@ -193,7 +193,7 @@ def test_a_log_whose_columns_cannot_be_guessed_waits_for_its_user(tmp_path):
         "temperature": "temperature",
         "reading": "a",
         "reference": None,
-        "time": "time",
+        "time": None,
         "run": None,
         "ignored": ["b"],
     }
@@ -214,10 +214,14 @@ def test_a_log_whose_columns_cannot_be_guessed_waits_for_its_user(tmp_path):
         (["timestamp", "ambient", "value"], "ambient", "value"),
     ],
 )
-def test_roles_are_guessed_from_names_and_units(columns, temperature, reading):
+def test_roles_are_guessed_from_names_and_units(columns, temperature, reading, tmp_path):
     frame = pd.DataFrame(np.random.default_rng(0).normal(size=(50, len(columns))), columns=columns)
-    roles = guessed(frame)
-    assert (roles.temperature, roles.reading, roles.time) == (temperature, reading, columns[0])
+    frame[columns[0]] = 60.0 * np.arange(50)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    source = opened([tmp_path / "log.csv"])
+    roles = guessed(source.frame)
+    assert (roles.temperature, roles.reading, roles.time) == (temperature, reading, None)
+    assert columns[0] not in source.frame and source.frame.index[1].total_seconds() == 60.0
 
 
 GERMAN = """Messung Labor 3
@@ -241,17 +245,9 @@ def test_columns_of_a_german_log_are_told(tmp_path):
     bench.start()
     state = snapshot(bench)
     roles = {c["role"]: c["name"] for c in state["columns"]}
-    assert roles["time"] == "Datum" and roles["temperature"] == "Temp. Raum (°C)" and roles["reading"] == "U1 (V)"
-    names = [c["name"] for c in state["columns"]]
-    asked = {"do": "columns", "temperature": names[2], "reading": names[4], "reference": None, "time": "Datum"}
-    asked["run"] = None
-    for ignored in ([], ["Uhrzeit"]):
-        bench.perform({**asked, "ignored": ignored})
-        state = snapshot(bench)
-        assert not state["fitted"]["without_times"] and "steps of" in state["source"]["said"][-1]
-        assert [c["joined"] for c in state["columns"]] == [False, not ignored, False, False, False]
-    bench.perform({**asked, "time": None, "ignored": []})
-    assert snapshot(bench)["fitted"]["without_times"]  # and the screen says so
+    assert roles["temperature"] == "Temp. Raum (°C)" and roles["reading"] == "U1 (V)"
+    assert not state["fitted"]["without_times"] and "steps of" in state["source"]["said"][-1]
+    assert "times from 'Datum' and 'Uhrzeit' as %d.%m.%Y %H:%M:%S" in state["source"]["said"]
 
 
 def test_a_role_for_two_columns_or_one_column_for_two_roles_is_refused():

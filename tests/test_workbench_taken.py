@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from benches import settled, stretch
+from thermocorr.readers import Options
 
 from thermocorr import load_model
 from thermocorr.datasets import make_record
 from thermocorr.files.codec import ModelFileError
-from thermocorr.foreign.how import HowToRead
 from thermocorr.interactive.acts import guessed
 from thermocorr.interactive.bench import Bench
 from thermocorr.interactive.snapshots import snapshot
@@ -144,7 +144,7 @@ def test_the_corrected_log_lacks_the_rows_that_were_left_out(tmp_path):
     record = make_record(600, seed=1).reset_index()[["time", "temperature", "reading"]]
     doubled = pd.concat([record, record[100:103]]).sort_values("time", kind="stable")
     doubled.to_csv(tmp_path / "log.csv", index=False)
-    source = opened([tmp_path / "log.csv"], HowToRead(drop_duplicates=True))
+    source = opened([tmp_path / "log.csv"], Options(skip_bad_rows=True))
     bench = Bench(source, Store(tmp_path), roles=guessed(source.frame))
     bench.start()
     written = pd.read_csv(taken(bench, "corrected", tmp_path))

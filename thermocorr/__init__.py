@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from .interactive import workbench
     from .judgement import diagnose, refine
     from .live import OnlineCorrector
-    from .records import ParquetLog, RecordError, RecordWarning
+    from .readers import read_log
+    from .records import RecordError, RecordWarning
 
 _ROOMS = {
     "estimators": (
@@ -33,14 +34,15 @@ _ROOMS = {
     "interactive": ("workbench",),
     "judgement": ("diagnose", "refine"),
     "live": ("OnlineCorrector",),
-    "records": ("ParquetLog", "RecordError", "RecordWarning"),
+    "readers": ("read_log",),
+    "records": ("RecordError", "RecordWarning"),
 }  # fmt: skip
 """Room -> public names in it, which are loaded when they are first asked for."""
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
-    "DiffusiveFeatures", "DynamicBiasRegressor", "ModelFileError", "OnlineCorrector", "ParquetLog", "RecordError",
+    "DiffusiveFeatures", "DynamicBiasRegressor", "ModelFileError", "OnlineCorrector", "RecordError",
     "RecordWarning", "Sensor", "Thermometer", "TimeConstantSearch", "__version__", "compare_variants", "diagnose",
-    "load_model", "refine", "save_model", "workbench",
+    "load_model", "read_log", "refine", "save_model", "workbench",
 ]  # fmt: skip
 
 

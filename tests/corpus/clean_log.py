@@ -59,14 +59,16 @@ class Shown:
         printed = capsys.readouterr()
         self.err = printed.err
         self.header, *self.rows = list(csv.reader(io.StringIO(printed.out, newline=""))) or [[]]
-        self.named = [int(line.split()[2]) for line in self.err.splitlines() if line.startswith("thermocorr: line ")]
         assert all(line.startswith("thermocorr: ") for line in self.err.splitlines())
 
 
 def check(shown, rows, model_path):
-    """Rows that were shown are these, with the numbers that the model gives for them."""
-    assert [row[: len(HEADER)] for row in shown.rows] == rows
-    frame = frame_of([[float("nan") if cell.strip() in ("", "NA") else cell.strip() for cell in row] for row in rows])
-    expected = load_model(model_path).correct(frame[HEADER[:3]], frame["reading"])
-    got = [float(row[len(HEADER)] or "nan") for row in shown.rows]
-    np.testing.assert_allclose(got, expected, rtol=1e-12)
+    """Rows that got a result are those with a reading, with the numbers that the model gives for them."""
+    frame = frame_of(rows)
+    known = frame["reading"].notna().to_numpy()
+    expected = load_model(model_path).correct(frame[HEADER[:3]], frame["reading"])[known]
+    good = [row for row in shown.rows if row[len(HEADER)]]
+    assert [pd.Timestamp(row[0]) for row in good] == frame["time"][known].tolist()
+    numbers = np.array([row[1 : len(HEADER) + 1] for row in good], float)
+    np.testing.assert_allclose(numbers[:, :-1], frame[HEADER[1:]][known], rtol=1e-15)
+    np.testing.assert_allclose(numbers[:, -1], expected, rtol=1e-12)

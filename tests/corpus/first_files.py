@@ -233,15 +233,15 @@ FIRST |= {
 
 ASKED = {
     "a unit of time that is not known": (
-        lines("Time (weeks),temp,weight\n", lambda k, t, a, b: f"{k},{a},{b}"), "'weeks' is no unit of time"
+        lines("Time (weeks),temp,weight\n", lambda k, t, a, b: f"{k},{a},{b}"), "'weeks' in .* is no unit of time"
     ),
     "dates beside decimal hours": (
         lines("Date,Time,temp,weight\n", lambda k, t, a, b: f"{t:%Y-%m-%d},{8 + k / 60:.5f},{a},{b}"),
-        "no times of day such as 2340",
+        "does not follow on",
     ),
     "hours as hhmm, or seconds": (
         lines("time,temp,weight\n", lambda k, t, a, b: f"{100 + 50 * k},{a},{b}", times=TIMES).replace("150,", "200,"),
-        "as likely|--time-format|backward|same time",
+        "--time-format|does not follow on",
     ),
     "two names alike for the temperature": (rows("time,temp,temp,weight\n", ISO + ",{a},{c},{b}"), "temp .column 2."),
     "a word in the reading, and another column": (

@@ -114,7 +114,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         files.append(str(report))
         outputs.write(report, report_text(best, X, y, answer))
     if evaluated is not None and folder is not None:
-        files.append(str(write_corrected(outputs, folder, loaded.written, evaluated, loaded.has_index)))
+        files.append(str(write_corrected(outputs, folder, loaded.log, evaluated)))
         files += map(str, write_model(outputs, folder, best))
     outputs.commit()
     answer = replace(answer, files=tuple(files))

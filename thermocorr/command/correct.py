@@ -10,6 +10,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,15 +21,13 @@ from ..estimators.unit_guard import UnitGuard
 from ..files import Outputs
 from ..files.model_file import load
 from ..files.result_files import write_csv
-from ..foreign import RUN, ForeignTable, HowToRead, read_log, time_of, with_times
 from ..live.corrector import OnlineCorrector
+from ..readers import RUN, Options, read_logs
+from ..readers.growing import Growing
 from ..records import RecordError, RecordWarning
 from ..records.errors import existing_file, listing, printable, quoted, times_word
-from ..records.files import LONGEST, csv_text
 from ..records.numbers import span_text
-from ..records.times import dates_once
 from ..records.units import unit_of
-from .line_rows import LineRows
 from .loading import OneColumn, add_table_options, how_to_read, number_or_span
 
 POLL = 0.1
@@ -37,23 +36,22 @@ REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""
 MANY = 0.1
 """Share of flagged rows from which it is said how many there are."""
+SHOWN = 20
+"""Notes on lines that are shown; further ones are counted."""
+AT_ONCE = 1 << 16
+"""Bytes of a growing log that are read at once, at most."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `thermocorr correct`."""
     parser.add_argument(
-        "log",
-        nargs="?",
-        default="-",
-        help="a file as for analyze; - or nothing: plain CSV from standard input, line by line",
+        "log", nargs="?", default="-", help="a file as for analyze; - or nothing: standard input, line by line"
     )
     add_table_options(parser)
     parser.add_argument(
         "--model", required=True, metavar="FILE", help="model.json, as `thermocorr analyze --out` writes"
     )
-    parser.add_argument(
-        "--follow", action="store_true", help="read a file of plain CSV line by line, and go on as it grows"
-    )
+    parser.add_argument("--follow", action="store_true", help="read a file line by line, and go on as it grows")
     parser.add_argument("--out", metavar="FILE", help="where to write a whole log (default: standard output)")
     parser.add_argument("--force", action="store_true", help="overwrite what is there already")
     columns = parser.add_argument_group("columns of the log (default: those of the model)")
@@ -64,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ambient temperature; for a model of several thermometers once more for each, in its order",
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
-    columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates (ISO 8601) or seconds")
+    columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates or seconds")
     more = parser.add_argument_group("besides the corrected reading")
     more.add_argument(
         "--uncertainty",
@@ -105,116 +103,111 @@ def _complain(text: str) -> None:
     print(f"thermocorr: {printable(text)}", file=sys.stderr)
 
 
-# --------------------------------------------------------------------------------------------------------- a whole file
-
-
 def _whole(live: OnlineCorrector, options: argparse.Namespace, path: Path) -> int:
-    """Read a file as `thermocorr analyze` does, and write it with its results."""
-    model = live.model
+    """Read a file as the model's log was written, or as it shows itself, and write it with its results."""
+    columns = Columns.of(live.model, options)
     with Outputs([options.model, path], options.force) as outputs:
         if options.out is not None:
             outputs.claim(options.out)
-        how = how_to_read(options)
-        table = read_log(path, how)
-        called = _called(model, options)
-        reading = options.reading or model.reading_.name
-        X, table = _as_fitted(model, table, called, options.time, how, path)
-        if reading not in table.frame.columns:
-            raise RecordError(_lacks(table.frame, reading, "reading"))
-        y = pd.Series(table.frame[reading].to_numpy(), X.index, name=reading)
-        y.attrs = {"units": {reading: unit_of(reading, table.frame)}}
+        log = columns.read(path)
+        X, y = columns.as_fitted(log, path.name)
         results = live.update_many(X, y)
-        for words in table.said:
+        for words in log.attrs["notes"]:
             _complain(f"read as: {words}")
-        _say_flags(model, results["flag"], results["corrected"])
-        stamped = isinstance(table.frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+        _say_flags(live.model, results["flag"], results["corrected"])
         if options.out is not None:
-            write_csv(outputs.open(options.out), table.as_it_came(), results, stamped)
+            write_csv(outputs.open(options.out), log, results)
         else:
-            write_csv(sys.stdout.buffer, table.as_it_came(), results, stamped)
-            sys.stdout.buffer.flush()
+            _answer(log, results, header=True)
     return int(results["flag"].isin(REFUSED).any())
 
 
-def _called(model: DynamicBiasRegressor, options: argparse.Namespace) -> dict[Any, str]:
-    """Column of the log for each thermometer of the model that --temperature names."""
-    given, own = options.temperature or [], list(model.thermometers_)
-    if len(given) > 1 and len(given) != len(own):
-        raise RecordError(
-            f"--temperature names {len(given)} columns ({listing(given)}); the model has "
-            f"{times_word(len(own), 'thermometer')}: {listing(own)}. Name one for each, in this order, or the first "
-            "alone."
-        )
-    return dict(zip(own, given, strict=False))
+@dataclass(frozen=True)
+class Columns:
+    """The columns of a log under the names of the fitted record."""
 
+    model: DynamicBiasRegressor
+    how: Options
+    reading: str
+    called: dict[Any, str]
+    """Thermometer of the model -> column of the log that --temperature names."""
 
-def _lacks(frame: pd.DataFrame, name: object, option: str = "") -> str:
-    hint = f" Name it with --{option}." if option else ""
-    return f"The log has no column {quoted(name)}; it has {listing(frame.columns)}.{hint}"
-
-
-def _as_fitted(
-    model: DynamicBiasRegressor,
-    table: ForeignTable,
-    called: dict[Any, str],
-    time_column: str | None,
-    how: HowToRead,
-    path: Path,
-) -> tuple[pd.DataFrame, ForeignTable]:
-    """The log's columns under the names of the fitted record, with times of its kind; and the log."""
-    frame, history = table.frame, model.features_.history_
-    stamped = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    used = [called.get(name, name) for name in (*model.thermometers_, *history.record.columns)]
-    free = (*how.no_times, *map(str, used))
-    own = time_column or (model.time if model.time in frame.columns else time_of(frame, free))
-    if history.kind != "rows" and not stamped:
-        if own is None or own not in frame.columns:
-            raise RecordError(_lacks(frame, own or model.time or "time", "time"))
-        table = with_times(table, own, how)
-        frame = table.frame
-    guard = UnitGuard.of(model)
-    for name in guard.ranges:
-        column = called.get(name, str(name))
-        guard.check_temperature(name, unit_of(column, frame), column=column)
-    taken = {old: new for new, old in called.items()}
-    for name in (*model.thermometers_, *model.features_.history_.record.columns):
-        if called.get(name, name) not in frame.columns:
+    @classmethod
+    def of(cls, model: DynamicBiasRegressor, options: argparse.Namespace) -> Columns:
+        """The columns that the options and the model name."""
+        given, own = options.temperature or [], list(model.thermometers_)
+        if len(given) > 1 and len(given) != len(own):
             raise RecordError(
-                _lacks(frame, called.get(name, name), "temperature" if name in model.thermometers_ else "")
+                f"--temperature names {len(given)} columns ({listing(given)}); the model has "
+                f"{times_word(len(own), 'thermometer')}: {listing(own)}. Name one for each, in this order, or the "
+                "first alone."
             )
-    X = frame.drop(columns=[name for name in taken.values() if name in frame.columns and name not in taken])
-    X = X.rename(columns=taken)
-    X.attrs = {"units": {taken.get(name, name): unit_of(name, frame) for name in frame.columns}}
-    if history.kind != "rows" and not stamped:
-        times = _times_as_fitted(dates_once(frame[own]), str(own), history.kind)
-        X = X.assign(**{str(model.time): times}) if model.time is not None else X.set_index(pd.Index(times))
-    elif stamped and model.time is not None:
-        X[model.time] = X.index
-    if model.run == RUN and RUN not in X:  # learned from several files, each a run: this is one more
-        X[RUN] = path.name
-    elif model.run is not None and model.run not in X:
-        raise RecordError(_lacks(frame, model.run))
-    return X, table
+        called = dict(zip(own, given, strict=False))
+        reading = options.reading or str(model.reading_.name)
+        used = tuple(str(called.get(name, name)) for name in model.features_.history_.record.columns)
+        how = how_to_read(options)
+        return cls(model, replace(how, others=(*how.others, *used, reading)), reading, called)
 
+    @property
+    def needed(self) -> list[str]:
+        """Columns of numbers that the log must have."""
+        names = dict.fromkeys([*self.model.thermometers_, *self.model.features_.history_.record.columns])
+        return [*(str(self.called.get(name, name)) for name in names), self.reading]
 
-def _times_as_fitted(times: pd.Series[Any], name: str, kind: str) -> pd.Series[Any]:
-    """Times of the fitted kind; RecordError where one has a zone and the other has none."""
-    if kind == "timedelta" and times.dtype.kind in "if":
-        return pd.to_timedelta(times, unit="s")
-    zoned = kind == "datetime with time zone"
-    if (
-        times.dtype.kind != "M"
-        or not kind.startswith("datetime")
-        or isinstance(times.dtype, pd.DatetimeTZDtype) == zoned
-    ):
-        return times
-    raise RecordError(
-        f"The times in {quoted(name)} have no zone, and those that the model was fitted to have one: pass --timezone "
-        "with the logger's, such as --timezone Europe/Berlin."
-        if zoned
-        else f"The times in {quoted(name)} have a zone, and those that the model was fitted to have none: write them "
-        "as the fitted log has them, or fit the model to times with their zone (--timezone)."
-    )
+    def read(self, path: Path) -> pd.DataFrame:
+        """A whole file, in the form of the fitted log where it is written so and the options say nothing else."""
+        form = None if self.how.given().keys() - {"reading", "run"} else self.model.form_
+        log = read_logs([path], self.how, form)
+        if self.model.time in log.columns and self.how.time is None and form is None:
+            log = read_logs([path], replace(self.how, time=str(self.model.time)))
+        return log
+
+    def as_fitted(self, log: pd.DataFrame, file: str) -> tuple[pd.DataFrame, pd.Series[Any]]:
+        """X and y as the model was fitted to; RecordError for columns that the log lacks, and times of another kind."""
+        model, thermometers = self.model, self.model.thermometers_
+        for name in dict.fromkeys([*thermometers, *model.features_.history_.record.columns, self.reading]):
+            column = self.called.get(name, name)
+            if column not in log.columns:
+                role = "temperature" if name in thermometers else "reading" if name == self.reading else ""
+                hint = f" Name it with --{role}." if role else ""
+                raise RecordError(f"The log has no column {quoted(column)}; it has {listing(log.columns)}.{hint}")
+        guard = UnitGuard.of(model)
+        for name in guard.ranges:
+            column = self.called.get(name, str(name))
+            guard.check_temperature(name, unit_of(column, log), column=column)
+        taken = {old: new for new, old in self.called.items()}
+        X = log.drop(columns=[name for name in taken.values() if name in log.columns and name not in taken])
+        X = self._with_times(X.rename(columns=taken))
+        X.attrs = {"units": {taken.get(name, name): unit_of(name, log) for name in log.columns}}
+        if model.run == RUN and RUN not in X:  # learned from several files, each a run: this is one more
+            X[RUN] = file
+        elif model.run is not None and model.run not in X:
+            raise RecordError(f"The log has no column {quoted(model.run)}; it has {listing(log.columns)}.")
+        y = pd.Series(log[self.reading].to_numpy(), X.index, name=self.reading)
+        y.attrs = {"units": {self.reading: unit_of(self.reading, log)}}
+        return X, y
+
+    def _with_times(self, X: pd.DataFrame) -> pd.DataFrame:
+        """The frame with times of the fitted kind, where the model looks for them."""
+        kind, times = self.model.features_.history_.kind, X.index
+        if kind == "rows":
+            return X
+        if isinstance(times, pd.RangeIndex):
+            raise RecordError(
+                f"The log has no times, and the fitted one had; it has {listing(X.columns)}. Name them with --time."
+            )
+        zoned = getattr(times, "tz", None) is not None
+        if kind.startswith("datetime") and isinstance(times, pd.DatetimeIndex) and zoned != (kind != "datetime"):
+            raise RecordError(
+                "The times have a zone, and those that the model was fitted to have none: fit it to times with their "
+                "zone (--timezone)."
+                if zoned
+                else "The times have no zone, and those that the model was fitted to have one: pass --timezone with "
+                "the logger's, such as --timezone Europe/Berlin."
+            )
+        if kind == "seconds" and isinstance(times, pd.TimedeltaIndex):
+            times = times.total_seconds()
+        return X.set_index(times) if self.model.time is None else X.assign(**{str(self.model.time): times})
 
 
 def _say_flags(model: DynamicBiasRegressor, flags: pd.Series[Any], corrected: pd.Series[Any]) -> None:
@@ -249,34 +242,52 @@ def _advice(model: DynamicBiasRegressor, flag: str) -> str:
     return ""
 
 
-# -------------------------------------------------------------------------------------------------------- line by line
-
-
 def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
-    """Answer every line of plain CSV at once, on standard output."""
+    """Answer every line at once, on standard output."""
     if options.out is not None:
         raise RecordError("Line by line, results go to standard output: write thermocorr correct ... > FILE.")
-    if how_to_read(options).says_something():
+    columns, model = Columns.of(live.model, options), live.model
+    if columns.how.given().keys() - {"reading", "run", "time"}:
         raise RecordError(
-            "Lines are read as plain CSV. Give a whole file, without --follow, to read it in another way."
+            "Lines are read as the model's log was written. Give a whole file, without --follow, to read it in another "
+            "way."
         )
-    out = sys.stdout.buffer
+    kind = model.features_.history_.kind
+    time_column = None if kind == "rows" else options.time or str(model.time or "time")
+    log = Growing(model.form_, columns.needed, time_column, kind in ("seconds", "timedelta"))
+    flags, notes, begun = Counter[str](), 0, False
     with _opened(options.log) as source:
-        lines = _lines(source, options.follow, options.log)
-        first = next(lines, b"")
-        if not first:
-            raise RecordError("The log is empty: a header line with the columns' names is needed, with a line end.")
-        rows = LineRows(live, options, _called(live.model, options), _complain)
-        out.write(csv_text([rows.begin(first)]))
-        out.flush()
-        for line in lines:
-            answer = rows.answer(line)
-            if answer is not None:
-                out.write(csv_text([answer]))
-                out.flush()
-    if rows.summary():
-        _complain(rows.summary())
-    return int(rows.damaged)
+        for piece in _pieces(source, options.follow, options.log):
+            rows, told = log.feed(piece)
+            for note in told[: max(0, SHOWN - notes)]:
+                _complain(note)
+            notes += len(told)
+            if not begun and (header := log.header()) is not None:
+                results = live.update_many(*columns.as_fitted(header, options.log))
+                _answer(header, results, header=True)
+                begun = True
+            if rows is None:
+                continue
+            X, y = columns.as_fitted(rows, options.log)
+            results = live.update_many(X, y)
+            _answer(rows, results, header=False)
+            flags.update(results["flag"][results["corrected"].isna()])
+    if log.cut and log.lines:
+        _complain("the last line is left out: it has no line end, and may have been cut while it was written")
+    if not log.lines:
+        raise RecordError("The log is empty: a header line with the columns' names is needed, with a line end.")
+    if notes > SHOWN:
+        _complain(f"{notes - SHOWN} further notes are not shown")
+    if flags:
+        _complain(
+            f"{sum(flags.values())} rows got no result: {', '.join(f'{n} {why}' for why, n in flags.most_common())}"
+        )
+    return int(notes > 0 or any("time" in flag for flag in flags))
+
+
+def _answer(rows: pd.DataFrame, results: pd.DataFrame, header: bool) -> None:
+    write_csv(sys.stdout.buffer, rows, results, header)
+    sys.stdout.buffer.flush()
 
 
 def _opened(log: str) -> BinaryIO:
@@ -284,22 +295,15 @@ def _opened(log: str) -> BinaryIO:
     return os.fdopen(os.dup(sys.stdin.fileno()), "rb") if log == "-" else existing_file(log).open("rb")
 
 
-def _lines(source: BinaryIO, follow: bool, name: str) -> Iterator[bytes]:
-    """Whole lines; of a log that is followed also those still to come."""
-    rest, begun, wait = b"", False, follow and name != "-"
+def _pieces(source: Any, follow: bool, name: str) -> Iterator[bytes]:
+    """What a log has, as it comes; of one that is followed also what is still to come."""
     while True:
-        piece = source.readline(LONGEST)
-        if len(rest) + len(piece) >= LONGEST and not piece.endswith(b"\n"):
-            raise RecordError(f"The log has a line of more than {LONGEST} bytes. Is it CSV?")
-        rest += piece
-        if rest.endswith(b"\n"):
-            yield rest
-            rest, begun = b"", True
-        elif wait:
+        piece = source.read1(AT_ONCE)
+        if piece:
+            yield piece
+        elif not follow or name == "-":
+            return
+        else:
             if os.fstat(source.fileno()).st_size < source.tell() or not Path(name).exists():
                 raise RecordError(f"{name} was cut or replaced. Start the command again.")
             time.sleep(POLL)
-        elif not piece:
-            if rest and begun:
-                _complain("the last line is left out: it has no line end, and may have been cut while it was written")
-            return

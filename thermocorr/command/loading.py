@@ -9,13 +9,10 @@ import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
 from ..files.result_files import result_columns
-from ..foreign import RUN, ForeignTable, HowToRead, guess, read_logs, with_times
-from ..foreign.roles import is_counter
+from ..readers import RUN, Options, guess, is_counter, read_logs
 from ..records import RecordError
-from ..records.errors import quoted, warn
-from ..records.files import require_column
-from ..records.times import dates_once, seconds_of
-from ..records.types import kind_of
+from ..records.errors import listing, quoted, warn
+from ..records.times import seconds_of
 from ..records.units import DEGREES, unit_of
 
 
@@ -46,6 +43,9 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--sep", metavar="CHAR", help="between columns: , ; tab | blanks")
     group.add_argument("--decimal", metavar="CHAR", help="decimal sign: . or ,")
     group.add_argument(
+        "--names", metavar="LIST", help="names of all columns, where there is no header or a short one: time,T,R"
+    )
+    group.add_argument(
         "--time-format",
         metavar="FORMAT",
         help="as for strptime ('%%d/%%m/%%Y %%H:%%M:%%S'), or excel, matlab, mjd, jd, labview, unix, 'unix ms', "
@@ -63,13 +63,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_column_options(parser: argparse.ArgumentParser) -> None:
-    """Add what the columns of a whole log are, and what to do with several files."""
-    parser.add_argument(
-        "--join",
-        action="store_true",
-        help="join several files by their times; without it, files that follow on one another are one log, and others "
-        "are runs (with --run file in any case)",
-    )
+    """Add what the columns of a whole log are."""
     columns = parser.add_argument_group(
         "columns of the log (told by their names, units and values where nothing is said)"
     )
@@ -109,22 +103,22 @@ def add_time_constants(parser: Any) -> None:
     )
 
 
-def how_to_read(options: argparse.Namespace) -> HowToRead:
+def how_to_read(options: argparse.Namespace) -> Options:
     """Options on the log's file."""
     named = [options.reading, *(options.temperature or ())]
     named += [getattr(options, role, None) for role in ("run", "reference")]
-    return HowToRead(
-        separator=options.sep,
+    return Options(
+        sep=options.sep,
         decimal=options.decimal,
+        names=tuple(name.strip() for name in options.names.split(",")) if options.names else (),
+        na=tuple(options.na or ()),
+        skip_bad_rows=options.skip_bad_rows,
+        time=options.time,
         time_format=options.time_format,
         timezone=options.timezone,
-        sort=options.skip_bad_rows,
-        missing=tuple(options.na or ()),
-        skip_bad_rows=options.skip_bad_rows,
-        drop_duplicates=options.skip_bad_rows,
         reading=options.reading,
         run=getattr(options, "run", None),
-        no_times=tuple(dict.fromkeys(name for name in named if name)),
+        others=tuple(dict.fromkeys(name for name in named if name)),
     )
 
 
@@ -132,10 +126,7 @@ class Loaded(NamedTuple):
     """A log, and an unfitted model for it."""
 
     log: pd.DataFrame
-    written: pd.DataFrame
-    """The log as it is written with results: its times as they came."""
-    has_index: bool
-    """True if its index is to be written with it."""
+    """Indexed by its times, or by a range."""
     model: DynamicBiasRegressor
     reading: str
     """The column of the readings."""
@@ -145,13 +136,10 @@ class Loaded(NamedTuple):
     """Columns of an earlier result in the log, and those that count its rows: no suspects."""
 
     def columns(self) -> tuple[pd.DataFrame, pd.Series[Any]]:
-        """X, with its dates parsed once, and y."""
+        """X and y."""
         also = self.model.temperature if isinstance(self.model.temperature, list) else [self.model.temperature]
         own = [] if self.reading in also else [self.reading]  # a thermometer that heats itself is both
-        X, y = self.log.drop(columns=[*own, *self.results]), self.log[self.reading]
-        if self.model.time is not None:
-            X[self.model.time] = dates_once(X[self.model.time])
-        return X, y
+        return self.log.drop(columns=[*own, *self.results]), self.log[self.reading]
 
 
 def load_log(options: argparse.Namespace) -> Loaded:
@@ -163,21 +151,27 @@ def load_log(options: argparse.Namespace) -> Loaded:
         from ..datasets import load_voltage_reference  # simulators: half a second of imports for a record
 
         log = load_voltage_reference(hidden="moisture")
-        model = DynamicBiasRegressor("temperature", time_constants, max_gap=options.max_gap)
-        return Loaded(log, log, True, model, "voltage")
-    how = how_to_read(options)
-    table = read_logs(options.log, how, join=options.join, time=options.time, apart=options.run == RUN)
-    log = table.frame
-    for role in ("temperature", "reading", "reference", "time", "run"):
+        return Loaded(log, DynamicBiasRegressor("temperature", time_constants, max_gap=options.max_gap), "voltage")
+    if options.time is not None and options.sampling_period is not None:
+        raise RecordError("Give --time or --sampling-period, not both.")
+    log = read_logs(options.log, how_to_read(options))
+    timed = not isinstance(log.index, pd.RangeIndex)
+    if timed and options.sampling_period is not None:
+        timed = bool(log.index.is_monotonic_increasing and log.index.is_unique)
+        warn(
+            "The data have times of their own: --sampling-period is not used."
+            if timed
+            else "The times do not go forward from row to row: rows are taken as --sampling-period apart."
+        )
+        log = log if timed else log.reset_index(drop=True)
+    for role in ("temperature", "reading", "reference", "run"):
         named = getattr(options, role)
         for name in [named] if isinstance(named, str) else named or ():
-            require_column(log.columns, name, role)
-    stamped = isinstance(log.index, pd.DatetimeIndex | pd.TimedeltaIndex)
-    given = {role: getattr(options, role) for role in ("reading", "reference", "time", "run")}
-    given["temperature"] = (options.temperature or [None])[0]
-    found = guess(log, **given, no_times=how.no_times)
-    asked = [*(() if stamped or options.sampling_period is not None else ("time",)), "temperature", "reading"]
-    found.ask(asked, list(log.columns))
+            if name not in log.columns and not (role == "run" and len(options.log) > 1 and name == RUN):
+                raise RecordError(f"There is no column {quoted(name)} for --{role}; there are {listing(log.columns)}.")
+    given = {role: getattr(options, role) for role in ("reading", "reference", "run")}
+    found = guess(log, **given, temperature=(options.temperature or [None])[0])
+    found.ask(list(log.columns), timed or options.sampling_period is not None)
     assert found.temperature is not None and found.reading is not None
     reading, thermometers = found.reading, options.temperature or [found.temperature]
     if reading in thermometers and options.reference is None:
@@ -185,56 +179,26 @@ def load_log(options: argparse.Namespace) -> Loaded:
             f"--reading and --temperature both name {reading!r}. The reading is what the instrument shows. If it "
             "is a thermometer that is to be compared with a better one, name that with --reference."
         )
-    of_files = RUN if len(options.log) > 1 and not options.join and RUN in log.columns else None
-    run = options.run or of_files or found.run
-    time = _time_column(options, table, how, None if stamped else found.time)
-    timed = stamped or time is not None
-    if timed and options.sampling_period is not None:
-        warn("The data have times of their own: --sampling-period is not used.")
     for name in thermometers:
         if (unit := unit_of(name, log)) and unit not in DEGREES:
             warn(f"The unit of {quoted(name)} is {unit}, no temperature. Is it the right column?")
-    if len(options.log) == 1:
-        table = with_times(table, time, how)
-    layout: dict[str, Any] = {
-        "time": time,
-        "run": run,
-        "sampling_period": None if timed else options.sampling_period,
-        "max_gap": options.max_gap,
-        "reference": options.reference,
-    }
-    temperature = thermometers if len(thermometers) > 1 else thermometers[0]
-    model = DynamicBiasRegressor(temperature, time_constants, **layout)
-    named = {reading, *thermometers, time, run, options.reference}
-    if found.why:
-        table = table.with_said(table.frame, found.sentence())
+    model = DynamicBiasRegressor(
+        thermometers if len(thermometers) > 1 else thermometers[0],
+        time_constants,
+        run=found.run if found.run in log.columns else None,
+        sampling_period=None if timed else options.sampling_period,
+        max_gap=options.max_gap,
+        reference=options.reference,
+    )
+    named = {reading, *thermometers, found.run, options.reference}
     counters = [str(name) for name in log.columns if name not in named and is_counter(log[name])]
-    results = tuple(name for name in result_columns(table.frame.columns) if name not in named)
+    results = [name for name in result_columns(log.columns) if name not in named]
     if results:
         warn(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
     if counters:
         warn(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
-    results = (*results, *counters)
-    return Loaded(table.frame, table.as_it_came(), stamped, model, reading, table.said, results)
-
-
-def _time_column(options: argparse.Namespace, table: ForeignTable, how: HowToRead, found: str | None) -> str | None:
-    """The column of times that was found; None where the index has them, or the rows are --sampling-period apart."""
-    if options.time is not None and options.sampling_period is not None:
-        raise RecordError("Give --time or --sampling-period, not both.")
-    if options.sampling_period is None or found is None or _goes_forward(table, found, how):
-        return found
-    warn(f"{quoted(found)} does not go forward from row to row: rows are taken as --sampling-period apart.")
-    return None
-
-
-def _goes_forward(table: ForeignTable, column: str, how: HowToRead) -> bool:
-    """True if a column has times, each after the one before."""
-    try:
-        times = dates_once(with_times(table, column, how).frame[column])
-    except RecordError:
-        return False
-    return kind_of(times) != "text" and bool(times.is_monotonic_increasing and times.is_unique)
+    said = (*log.attrs["notes"], *([found.sentence()] if found.why else []))
+    return Loaded(log, model, reading, said, (*results, *counters))
 
 
 def check_time_constants(options: argparse.Namespace) -> None:

@@ -68,10 +68,9 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     opening = Opening(
         paths=tuple(options.log),
         how=how_to_read(options),
-        join=options.join,
         named={
             role: value[0] if isinstance(value, list) else value
-            for role in ("temperature", "reading", "reference", "time", "run")
+            for role in ("temperature", "reading", "reference", "run")
             if (value := getattr(options, role)) is not None
         },
         settings=ModelSettings(

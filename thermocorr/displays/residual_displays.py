@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..equations import AllanDeviation, allan_deviation, regular_cells
 from ..estimators.time_constants.search import CONFIDENCE_95
-from ..records import Log, Record
+from ..records import Record
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, span_text
 from .axes import (
@@ -186,8 +186,6 @@ def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
         f"At averaging times up to {_times(last, display)} the correction adds noise: Allan deviation "
         f"{now} after and {then} before at {_times(tau, display)}"
     )
-    if isinstance(X, Log):
-        return f"{said}."
     through = _loudest(model, X, tau / float(after.averaging_times[0]))
     return printable(f"{said}, most of it through {through}, which passes on the noise of its input.")
 

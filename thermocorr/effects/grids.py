@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils._param_validation import Interval
 
-from ..foreign.clocks import one_date
+from ..readers.clocks import one_date
 from ..records import Record
 from ..records.times import date_of, span_of
 

@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects import InitialTransient, StaticPolynomial, ThermalLag
 from ..effects.stream import Walked
 from ..effects.thermal import column_text
+from ..readers.form import Form
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, Doubt
 from ..records.numbers import as_data, is_frame, numeric_column, numeric_reading
@@ -88,6 +89,8 @@ class FittedModel:
 
     pipeline_: Pipeline
     reading_: Reading
+    form_: Form | None
+    """How the log was written that it was fitted to, where `read_log` read it."""
     washout_: float
     alpha_: float
     _known_standard_errors: np.ndarray

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sklearn.utils.validation import _num_samples, validate_data
 
 from ..effects.grids import since_start
-from ..records import Layout, Log, Record, RecordError, read_record
+from ..records import Layout, Record, RecordError, read_record
 from ..records.errors import quoted, times_word, warn
 from ..records.hints import Number, Size, within
 from ..records.labels import refuse_labels_of_rows
@@ -36,8 +36,6 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
             "X is a Series. Reshape your data: pass a DataFrame, for example with X.to_frame(), whose columns are the "
             "temperature and whatever else was recorded."
         )
-    if isinstance(X, Log):
-        return _check_log_columns(estimator, X, reset)
     if isinstance(X, pd.DataFrame):
         if X.shape[1] == 0:
             raise RecordError(
@@ -68,15 +66,6 @@ def _check_names(estimator: Any, X: pd.DataFrame, reset: bool) -> None:
         estimator.feature_names_in_, estimator.n_features_in_ = names, len(names)
     elif not (plain and np.array_equal(getattr(estimator, "feature_names_in_", ()), names)):
         validate_data(estimator, X, skip_check_array=True, reset=reset)
-
-
-def _check_log_columns(estimator: Any, X: Log, reset: bool) -> Log:
-    """scikit-learn's checks of a log: `validate_data` on an empty frame with the columns of the log."""
-    if len(X) == 0:
-        raise RecordError("The log has 0 rows. Check its files.")
-    columns = [name for name in X.columns if estimator.reference is None or name != estimator.reference]
-    validate_data(estimator, pd.DataFrame(columns=columns), skip_check_array=True, reset=reset)
-    return X
 
 
 def no_flags(record: Record) -> Flags:
@@ -254,18 +243,16 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weight: Any) -> 
 
 def _refuse_short_runs(X: Any, layout: Layout) -> None:
     """Refuse a column of runs that has other things than labels of runs, before it costs minutes."""
-    X = X if isinstance(X, Log) else as_data(X)
+    X = as_data(X)
     if layout.run is None or not is_frame(X) or layout.run not in X.columns:
         return  # the record says what is wrong with it
-    labels = X[str(layout.run)][:] if isinstance(X, Log) else X[layout.run]
+    labels = X[layout.run]
     if np.ndim(labels) == 1:
         refuse_labels_of_rows(pd.Series(labels), layout.run)
 
 
 def masked_readings(X: Any, y: Any, layout: Layout, mask: Any) -> Any:
     """The readings with NaN where they are masked."""
-    if isinstance(X, Log):
-        raise RecordError("A mask is for a record in memory. Write NaN for these readings when the file is written.")
     X, y = as_data(X), as_pandas(y)
     check_same_rows(as_pandas(mask), X, "mask")
     values = np.array(numeric_reading(y, X), float)

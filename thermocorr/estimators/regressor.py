@@ -16,6 +16,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ..effects.stream import equal_edges
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
+from ..readers.form import Form
 from ..records import Block, Record
 from ..records.errors import quoted, warn
 from ..records.segments import Flags
@@ -187,6 +188,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
                 self.search_ = choose_again(self, believed)
                 believed = self._learn(reader, record, reading)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
+        form = getattr(X, "attrs", {}).get("form")
+        self.form_ = form if isinstance(form, Form) else None
         self._conclude(record, believed)
         return self
 
@@ -250,7 +253,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         left.set_params(effects=self._run_levels.beside(as_effects(model.effects)))
         kept = [k for k in range(len(self.coef_)) if not low <= k < low + widths[at]]
         same = (
-            "_degree", "search_", "_run_levels", "reading_", "alpha_", "n_features_in_", "feature_names_in_",
+            "_degree", "search_", "_run_levels", "reading_", "form_", "alpha_", "n_features_in_", "feature_names_in_",
         )  # fmt: skip
         model.__dict__ |= {key: self.__dict__[key] for key in same if key in self.__dict__}
         unused = [column for column in features.history_.record.columns if column not in left.history_.record.columns]

@@ -32,9 +32,9 @@ from ..estimators.reading import Reading
 from ..estimators.run_levels import RunLevels
 from ..estimators.thermometers import Thermometer
 from ..estimators.uncertainty.joint import JointErrors
+from ..readers.form import Form
 from ..records import History, seconds_of
-from ..records.grammar import LARGEST
-from ..records.hints import Counted, Large, Loose, Size, within
+from ..records.hints import LARGEST, Counted, Large, Loose, Size, within
 from ..records.history import HEAD
 from ..records.read import temperature_column
 from ..records.times import EARLIEST, LATEST
@@ -83,6 +83,7 @@ class ModelNode:
     washout: Size
     ranges: list[tuple[Loose, Loose]]
     reading: Reading
+    form: Form | None
     notes: list[str]
     n_features_in: Counted
     feature_names_in: list[str] | None
@@ -171,6 +172,7 @@ def _model_node(model: DynamicBiasRegressor, errors: JointErrors | None) -> Mode
         washout=model.washout_,
         ranges=model._learned_ranges(),  # type: ignore[arg-type]
         reading=model.reading_,
+        form=model.form_,
         notes=list(model.notes_),
         n_features_in=model.n_features_in_,
         feature_names_in=None if names is None else list(map(str, names)),
@@ -307,7 +309,7 @@ def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
     model.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
     model.alpha_, model.search_, model.washout_ = ridge.alpha, None, node.washout
     model._known_ranges = np.array(node.ranges, float).reshape(-1, 2)
-    model.reading_, model.notes_ = node.reading, tuple(node.notes)
+    model.reading_, model.form_, model.notes_ = node.reading, node.form, tuple(node.notes)
     model._known_standard_errors = np.array(node.standard_errors, float)
     if errors is not None:
         model._known_errors = _errors(errors, node.wider, effects, features.history_)

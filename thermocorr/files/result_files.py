@@ -9,9 +9,7 @@ from typing import BinaryIO
 import pandas as pd
 
 from ..estimators import DynamicBiasRegressor
-from ..records import RecordError
 from ..records.errors import printable
-from ..records.times import written_by_arrow
 from .model_file import content_of
 from .writer import Outputs
 
@@ -22,24 +20,31 @@ _RESULTS = (RESULT_COLUMNS, ("corrected", "bias", "flag", "u", "smoothed", "u_sm
 """Columns that `thermocorr analyze` and `thermocorr correct` may write: always the first three."""
 
 
-def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> Path:
-    """Write corrected.csv: the log as it came, then what `evaluated` has; an index without a name is 'time'."""
+def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated: pd.DataFrame) -> Path:
+    """Write corrected.csv: the log with its times, then what `evaluated` has."""
     path = folder / "corrected.csv"
-    write_csv(outputs.open(path), log, evaluated, index)
+    write_csv(outputs.open(path), log, evaluated)
     return path
 
 
-def write_csv(file: BinaryIO, log: pd.DataFrame, evaluated: pd.DataFrame, index: bool) -> None:
-    """Write the log as it came, then what `evaluated` has, with all the digits that tell numbers apart."""
+def write_csv(file: BinaryIO, log: pd.DataFrame, evaluated: pd.DataFrame, header: bool = True) -> None:
+    """Write a log with its times, then what `evaluated` has, with all the digits that tell numbers apart.
+
+    Times are dates of ISO 8601, or seconds; a range, of a log without times, is not written.
+    """
     names = new_names(list(evaluated.columns), log.columns)
     result = log.assign(**{new: evaluated[old].to_numpy() for new, old in zip(names, evaluated.columns, strict=True)})
-    try:
-        if index or not written_by_arrow(result, file):
-            label = new_names(["time"], log.columns)[0] if log.index.name is None else None
-            result.to_csv(file, mode="wb", index=index, index_label=label, lineterminator="\n")
-    except (ValueError, ArithmeticError, NotImplementedError) as error:  # dates that no text of pandas' can show
-        reason = " ".join(str(error).split())
-        raise RecordError(f"The results cannot be written: {reason}. Are dates of the log damaged?") from None
+    if isinstance(result.index, pd.TimedeltaIndex):
+        result.index = result.index.total_seconds()
+    label = new_names([str(log.index.name or "time")], log.columns)[0]
+    result.to_csv(
+        file,
+        mode="wb",
+        header=header,
+        index=not isinstance(log.index, pd.RangeIndex),
+        index_label=label,
+        lineterminator="\n",
+    )
 
 
 def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:

@@ -12,8 +12,7 @@ import pandas as pd
 
 from ..effects import LaggedCovariate
 from ..files.codec import ModelFileError, fields, integer, items, number, text
-from ..foreign import guess
-from ..foreign.roles import is_counter
+from ..readers import guess, is_counter
 from ..records import RecordError
 from ..records.errors import listing, quoted
 from ..records.hints import LEAST
@@ -65,7 +64,7 @@ class Roles:
 
 def guessed(frame: pd.DataFrame, **known: Any) -> Roles | None:
     """Roles of the columns of a log, see `guess`; None where a person must choose."""
-    found = guess(frame, **known)
+    found = guess(frame, **{role: name for role, name in known.items() if role != "time"})
     if found.temperature is None or found.reading is None:
         return None
     counters = (name for name in frame.columns if is_counter(frame[name]) and name not in found)
@@ -73,7 +72,7 @@ def guessed(frame: pd.DataFrame, **known: Any) -> Roles | None:
         temperature=found.temperature,
         reading=found.reading,
         reference=known.get("reference"),
-        time=found.time,
+        time=known.get("time"),
         run=found.run,
         ignored=tuple(map(str, counters)),
     )

@@ -275,7 +275,7 @@ class Bench:
         X, y, model = (
             found.data.X,
             found.data.learned,
-            unfitted(found.arrangement, self.codec, self.base or DynamicBiasRegressor()),
+            unfitted(self.source, found.arrangement, self.codec, self.base or DynamicBiasRegressor()),
         )
         variants = variants_of(model, max(model.degree, 2))
         try:

@@ -100,7 +100,9 @@ def _without(y: pd.Series, stretches: Sequence[tuple[int, int]]) -> pd.Series:
     return kept
 
 
-def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegressor) -> DynamicBiasRegressor:
+def unfitted(
+    source: ReadLog, arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegressor
+) -> DynamicBiasRegressor:
     """The model of an arrangement, before its fit; what an arrangement does not say is as in `base`."""
     roles, settings = arrangement.roles, arrangement.settings
     assert roles is not None
@@ -114,7 +116,7 @@ def unfitted(arrangement: Arrangement, codec: EffectCodec, base: DynamicBiasRegr
         degree=settings.degree,
         products=settings.products,
         effects=effects,
-        time=roles.time,
+        time=None if source.files else roles.time,
         run=roles.run,
         sampling_period=settings.sampling_period,
         max_gap=settings.max_gap,
@@ -135,7 +137,7 @@ def fitted(
     """
     data = data_of(source, arrangement)
     with noted() as said:
-        model = unfitted(arrangement, codec, base or DynamicBiasRegressor()).fit(data.X, data.learned)
+        model = unfitted(source, arrangement, codec, base or DynamicBiasRegressor()).fit(data.X, data.learned)
         curves, timeline = curves_of(model, data, store)
     return Fitted(
         arrangement=arrangement,

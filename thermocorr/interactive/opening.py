@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..foreign import HowToRead
+from ..readers import Options
 from .acts import ModelSettings, guessed
 from .bench import Bench
 from .source import built_in, effects_in, opened
@@ -23,8 +23,7 @@ class Opening:
     """Which built-in record; the first by default."""
     names: tuple[str, ...] = ()
     """What they are called, if that is not their paths' ends."""
-    how: HowToRead = field(default_factory=HowToRead)
-    join: bool = False
+    how: Options = field(default_factory=Options)
     named: dict[str, str] = field(default_factory=dict)
     """Columns whose role the user has said."""
     settings: ModelSettings = field(default_factory=ModelSettings)
@@ -35,7 +34,7 @@ class Opening:
     def bench(self, store: Store) -> Bench:
         """The bench, its log read; RecordError where that cannot be."""
         own = effects_in(self.own_file) if self.own_file else ()
-        files = self.paths and opened(self.paths, self.how, join=self.join, names=self.names)
+        files = self.paths and opened(self.paths, self.how, names=self.names)
         source = files or built_in(self.sample)
         roles = guessed(source.frame, **self.named)
         bench = Bench(source, store, roles=roles, settings=self.settings, own=own, own_file=self.own_file)

@@ -23,11 +23,11 @@ from ..displays.words import (
 )
 from ..effects.thermal import column_text
 from ..estimators.tables import VERDICTS
-from ..foreign import guess
 from ..judgement import Diagnosis
 from ..judgement.where import largest_lag
 from ..pages.chapters import HELPS, Scales, parameters_text
 from ..pages.html import units_of_axis, with_signs
+from ..readers import guess
 from ..records.errors import printable
 from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of
@@ -60,7 +60,6 @@ def snapshot(bench: Bench) -> dict[str, Any]:
                 "unit": unit_text(unit_of(name, frame)),
                 "kind": kind_of(frame[name]),
                 "role": role_of(str(name)),
-                "joined": found is not None and roles is not None and _is_joined(str(name), found),
                 "missing": int(frame[name].isna().sum()),
             }
             for name in frame.columns
@@ -106,15 +105,8 @@ def _role_of(roles: Roles | None, frame: pd.DataFrame) -> Callable[[str], str]:
     if roles is not None:
         return roles.of
     known = guess(frame)
-    guessed = {getattr(known, role): role for role in ("temperature", "reading", "time", "run")}
+    guessed = {getattr(known, role): role for role in ("temperature", "reading", "run")}
     return lambda name: guessed.get(name, "suspect")
-
-
-def _is_joined(name: str, found: Fitted) -> bool:
-    """True if a column of dates, or of times of day, went into the column of times."""
-    roles = found.arrangement.roles
-    assert roles is not None  # there is a model
-    return name not in found.data.X.columns and name != roles.reading and name not in roles.ignored
 
 
 def _marked(found: Fitted, store: Store) -> list[list[float]]:
@@ -129,7 +121,7 @@ def _marked(found: Fitted, store: Store) -> list[list[float]]:
 
 
 def _said(bench: Bench, found: Fitted | None) -> list[str]:
-    said = list(bench.source.table.said if found is None else found.data.said)
+    said = list(bench.source.timed(None)[1] if found is None else found.data.said)
     if found is not None:
         said.append(f"steps of {span_text(found.model.features_.history_.usual_step)}")
     return [printable(words) for words in said]

@@ -5,20 +5,20 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
 from ..datasets import load_voltage_reference, make_record
 from ..effects import CATALOGUE
 from ..effects.protocol import Effect
-from ..foreign import ForeignTable, HowToRead, read_logs, with_times
+from ..readers import Options, read_logs
+from ..readers.log import timed
 from ..records import RecordError
 from ..records.errors import existing_file, noted
-from ..records.times import dates_once
 
 
 class TrialRecord(NamedTuple):
@@ -54,42 +54,26 @@ SAMPLES = {
 class ReadLog:
     """A log, read."""
 
-    table: ForeignTable
+    frame: pd.DataFrame
+    """Indexed by its times, where a file has told them; its `attrs` say how it was read."""
     name: str
     """What it is called on the screen."""
     files: tuple[str, ...] = ()
     """Where it stands; none for the built-in record and for a frame."""
-    how: HowToRead = field(default_factory=HowToRead)
-    join: bool = False
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """The log as it was read, its times as they came."""
-        return self.table.frame
+    how: Options = field(default_factory=Options)
 
     def timed(self, time: str | None) -> tuple[pd.DataFrame, tuple[str, ...]]:
-        """The log with its times understood, and in words how.
+        """The log with its times understood, and in words how it was read.
 
-        Raises RecordError for times that can be read in two ways, or not at all.
+        `time` (str, optional): A column that has them in place of those that were found. Raises RecordError for times
+        that can be read in two ways, or not at all.
         """
-        table = self.timed_table(time)
-        frame = table.frame
-        if time is not None:
-            frame = frame.assign(**{time: dates_once(frame[time])})
-            frame.attrs = dict(self.frame.attrs)
-        return frame, table.said
+        frame = timed(self.frame, replace(self.how, time=time)) if self.files and time is not None else self.frame
+        return frame, tuple(frame.attrs.get("notes", ()))
 
-    def timed_table(self, time: str | None) -> ForeignTable:
-        """The log with its times understood, without the rows that its reader was asked to leave out."""
-        return with_times(self.table, time, self.how) if len(self.files) == 1 else self.table
-
-    def node(self) -> dict[str, Any]:
-        """How the log was read, for the script that reads it again."""
-        if not self.files:
-            return {"built_in": self.name}
-        given = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self.how).items()}
-        said = {key: value for key, value in given.items() if value not in (None, False, [])}
-        return {"files": list(self.files), "how": said, "join": self.join}
+    def keywords(self) -> str:
+        """What was said of the files, as keywords of `read_log`."""
+        return "".join(f", {name}={value!r}" for name, value in self.how.given().items())
 
 
 def built_in(name: str = "") -> ReadLog:
@@ -97,33 +81,27 @@ def built_in(name: str = "") -> ReadLog:
     name = name or FIRST
     if name not in SAMPLES:
         raise ValueError(f"There is no built-in record {name!r}. There are: {', '.join(SAMPLES)}.")
-    return ReadLog(table=ForeignTable(frame=SAMPLES[name].make()), name=name)
+    return ReadLog(frame=SAMPLES[name].make(), name=name)
 
 
-def opened(
-    paths: Sequence[str | Path], how: HowToRead | None = None, *, join: bool = False, names: Sequence[str] = ()
-) -> ReadLog:
+def opened(paths: Sequence[str | Path], how: Options | None = None, *, names: Sequence[str] = ()) -> ReadLog:
     """Read a log.
 
-    `paths` (sequence of paths). `how` (HowToRead, optional). `join` (bool): Join several files by their times.
-    `names` (sequence of str): What the files are called where they came from, if that is not here. Raises RecordError
-    for files that cannot be read.
+    `paths` (sequence of paths). `how` (Options, optional). `names` (sequence of str): What the files are called where
+    they came from, if that is not here. Raises RecordError for files that cannot be read.
     """
-    how = how or HowToRead()
+    how = how or Options()
     for path in paths:
         if not existing_file(path).is_file():
             raise RecordError(f"{path} is no regular file. Name the log's file.")
     with noted() as notes:
-        table = read_logs(paths, how, join=join)
-    table = table.with_said(table.frame, *notes)
-    if not all(isinstance(column, str) for column in table.frame.columns):
-        table = table.with_said(table.frame.rename(columns=str))
+        frame = read_logs(paths, how)
+    frame.attrs["notes"] = [*frame.attrs["notes"], *notes]
     return ReadLog(
-        table=table,
+        frame=frame,
         name=", ".join(Path(path).name for path in names or paths),
         files=tuple(names) or tuple(str(Path(path).resolve()) for path in paths),
         how=how,
-        join=join,
     )
 
 

@@ -109,7 +109,7 @@ def _imports(source: ReadLog, effects: list[Effect], own_file: str) -> str:
         else:
             own.add(cls.__name__)
     if source.files:
-        names["thermocorr.foreign"] = {"HowToRead", "read_logs", *(["with_times"] if len(source.files) == 1 else [])}
+        names["thermocorr"] = {"read_log"}
     elif source.name in SAMPLES:
         names["thermocorr.datasets"] = {SAMPLES[source.name].loader}
     lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
@@ -125,13 +125,9 @@ def _log(source: ReadLog, arrangement: Arrangement) -> str:
     roles = arrangement.roles
     assert roles is not None
     if source.files:
-        how = ", ".join(f"{key}={value!r}" for key, value in source.node()["how"].items())
-        lines = [f"how = HowToRead({how})"]
-        joined = ", join=True" if source.join else ""
-        lines.append(f"table = read_logs({list(source.files)!r}, how{joined})")
-        if len(source.files) == 1:
-            lines.append(f"table = with_times(table, {roles.time!r}, how)")
-        lines.append("log = table.frame")
+        time = "" if roles.time is None or source.how.time else f", time={roles.time!r}"
+        files = repr(source.files[0] if len(source.files) == 1 else list(source.files))
+        lines = [f"log = read_log({files}{source.keywords()}{time})"]
     elif source.name in SAMPLES:
         lines = [f"log = {SAMPLES[source.name].code()}"]
     else:
@@ -198,13 +194,9 @@ def taken(bench: Bench, kind: str, folder: Path) -> Path:
 def _corrected(bench: Bench, found: Fitted, path: Path) -> None:
     evaluated = found.model.evaluate(found.data.X, found.data.y, return_std=True)
     roles = found.arrangement.roles
-    written = bench.source.timed_table(None if roles is None else roles.time).as_it_came()
+    written, _ = bench.source.timed(None if roles is None else roles.time)
     with Outputs(bench.source.files) as outputs:
-        write_corrected(outputs, path.parent, written, evaluated, _has_index(bench))
-
-
-def _has_index(bench: Bench) -> bool:
-    return bench.source.frame.index.name is not None or bench.source.frame.index.dtype.kind in "mM"
+        write_corrected(outputs, path.parent, written, evaluated)
 
 
 def _report(bench: Bench, found: Fitted, path: Path) -> str:

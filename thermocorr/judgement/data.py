@@ -16,7 +16,7 @@ from ..equations.noise import made_from, shows_the_same
 from ..estimators.averages import rms
 from ..estimators.reading import check_columns
 from ..estimators.regressor import DynamicBiasRegressor
-from ..records import Block, Log, ParquetLog, Record, RecordError, read_record
+from ..records import Block, Record, RecordError, read_record
 from ..records.errors import listing, warn
 from ..records.history import in_memory
 from ..records.numbers import is_frame, numeric_reading
@@ -133,7 +133,7 @@ def suspect_record(model: DynamicBiasRegressor, read: Record, X: Any, y: Any, co
             "first, such as frame.resample('1min').mean(), fit a model to these rows, and diagnose it."
         )
     layout = model.features_.layout()
-    special = {layout.time, layout.run, layout.reference, getattr(y, "name", None) if isinstance(X, Log) else None}
+    special = {layout.time, layout.run, layout.reference}
     if columns is None:
         columns = [name for name in _numeric(X) if name not in special]
     columns = [name for name in columns if name != layout.reference]
@@ -177,10 +177,6 @@ def _recorded(X: Any, name: Any) -> Any:
 
 def _numeric(X: Any) -> list[Any]:
     """Columns that hold numbers or switches."""
-    if isinstance(X, ParquetLog):
-        return [name for name in X.columns if X[name].kind == "number"]
-    if isinstance(X, Log):
-        return list(X.columns)
     if not is_frame(X):
         return [*range(np.shape(X)[1])]
     return [name for name in X.columns if kind_of(X[name]) in ("number", "switch")]
@@ -201,7 +197,7 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
     names = list(getattr(model, "feature_names_in_", ()))
     if not (names and is_frame(X) and set(names) < set(X.columns)):
         return X
-    return X.with_columns(names) if isinstance(X, Log) else X[names]
+    return X[names]
 
 
 def candidates_of(record: Record, exclude: Collection[str], further: Any) -> list[Effect]:

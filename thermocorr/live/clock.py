@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..records import History, RecordError, seconds_of
-from ..records.grammar import LARGEST
+from ..records.hints import LARGEST
 from ..records.times import BEYOND, EARLIEST, LATEST, Times, date_of_text, span_of
 
 _NS = 1_000_000_000

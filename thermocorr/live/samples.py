@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import quoted
-from ..records.grammar import LARGEST
+from ..records.hints import LARGEST
 from ..records.labels import check_dates, out_of_reach
 from ..records.numbers import as_numbers, as_pandas, is_frame, numeric_column, numeric_reading
 from ..records.screen import Limits

@@ -12,8 +12,7 @@ from ..estimators import DynamicBiasRegressor
 from ..files.codec import ModelFileError, read, write
 from ..files.effect_nodes import EffectCodec, check_state
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
-from ..records.grammar import LARGEST
-from ..records.hints import Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
+from ..records.hints import LARGEST, Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
 from .uncertain import LiveErrors
 
 Stand = Annotated[int, within(AGREED, BELIEVED_AGAIN)]

@@ -70,8 +70,8 @@ class PageData:
     def of(cls, model: Any, X: Any, y: Any, beside: tuple[Any, ...] = (), most: int = MOST_POINTS) -> PageData:
         """Gather it in one pass through the record.
 
-        `model` (DynamicBiasRegressor): Fitted. `X`, `y` (as for `DynamicBiasRegressor.fit`): May be a `ParquetLog`:
-        the record is read block by block. `beside` (tuple): Recorded columns to show under the residual. `most`
+        `model` (DynamicBiasRegressor): Fitted. `X`, `y` (as for `DynamicBiasRegressor.fit`): Read block by block.
+        `beside` (tuple): Recorded columns to show under the residual. `most`
         (int): Most points of a line.
         """
         walk = Walk(model, X)

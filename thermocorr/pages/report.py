@@ -34,7 +34,7 @@ def write_report(
     model : DynamicBiasRegressor
         Fitted; the one that is kept.
     X, y : as for `DynamicBiasRegressor.evaluate_blocks`
-        The record. A `ParquetLog` is read block by block, in bounded memory.
+        The record. It is read block by block.
     diagnosis, refinement, comparison : optional
         What `diagnose`, `refine` and `compare_variants` returned for this record.
     unjudged : str

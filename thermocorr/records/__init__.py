@@ -2,8 +2,6 @@
 
 from .errors import RecordError, RecordWarning
 from .history import History
-from .log import Log
-from .parquet import ParquetLog
 from .read import Layout, read_record
 from .record import BLOCK_ROWS, Block, Record
 from .segments import Segment, SegmentStart
@@ -14,8 +12,6 @@ __all__ = [
     "Block",
     "History",
     "Layout",
-    "Log",
-    "ParquetLog",
     "Record",
     "RecordError",
     "RecordWarning",

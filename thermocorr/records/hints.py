@@ -9,7 +9,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .grammar import LARGEST
+LARGEST = 1e40
+"""A number beyond this is no measurement. Squares and cubes of smaller ones stay within double precision."""
 
 
 class Check(NamedTuple):

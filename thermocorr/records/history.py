@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, warn
 from .gaps import Gaps, least_gap
-from .grammar import LARGEST
-from .hints import Column, Counted, Number, Positive, Stamp
+from .hints import LARGEST, Column, Counted, Number, Positive, Stamp
 from .record import Record
 from .screen import Screen
 from .segments import Segment, SegmentStart

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from functools import cache, partial
+from functools import cache
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, option, quoted, times_word, way
-from .grammar import LARGEST, has_other_blanks, is_missing
-from .log import Log
+from .hints import LARGEST
 from .types import Role, kind_of, require_role
 
+MISSING = frozenset(("", "NA", "N/A", "n/a", "#N/A", "<NA>", "NaN", "nan", "-nan", "NULL", "null", "None"))
+"""What stands in a cell of text where there is no value; blanks around it do not count."""
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size
 
 
@@ -76,7 +77,7 @@ def refuse_no_table(X: Any) -> None:
         return
     made = "for example pandas.DataFrame(X)"
     if not isinstance(X, Mapping):
-        made = "which pandas.read_csv makes of a file, or ParquetLog(path)"
+        made = "which thermocorr.read_log makes of a file"
     raise RecordError(
         f"X is a {type(X).__name__}. Pass a DataFrame, {made}: its columns are the temperature and whatever else was "
         "recorded."
@@ -94,7 +95,7 @@ def as_data(X: Any) -> Any:
 
 def is_frame(X: Any) -> bool:
     """True if the data have named columns."""
-    return isinstance(X, pd.DataFrame | Log)
+    return isinstance(X, pd.DataFrame)
 
 
 def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
@@ -127,9 +128,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
             )
         y = y.iloc[:, 0]
     check_same_rows(y, X, "y")
-    values = as_numbers(
-        y if isinstance(y, pd.Series) or isinstance(X, Log) else np.asarray(y), "The reading y", "reading"
-    )
+    values = as_numbers(y if isinstance(y, pd.Series) else np.asarray(y), "The reading y", "reading")
     if values.ndim == 2 and values.shape[1] == 1:
         values = column_or_1d(values, warn=True)
     if values.ndim != 1:
@@ -172,21 +171,13 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
 def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
     """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
     kind = kind_of(values)
-    require_role(kind, role, what, str(getattr(values, "type_name", values.dtype)))
+    require_role(kind, role, what, str(values.dtype))
     if kind == "text" or values.dtype == object:
-        if isinstance(getattr(values, "log", None), Log):
-            raise RecordError(
-                f"{what} holds {values.type_name}, not numbers. Convert it when the file is written, or read the file "
-                "with pandas to see which rows are no numbers."
-            )
         values = _parse_numbers(values, what)
     if isinstance(values, pd.Series):
         values = (
             values.to_numpy() if isinstance(values.dtype, np.dtype) else values.to_numpy(dtype=float, na_value=np.nan)
         )
-    if hasattr(values, "looked_at_by"):  # a column of a log stays what it is, and is read when it is sliced
-        later: np.ndarray = values.looked_at_by(partial(_refuse_absurd, what))
-        return later
     for start in range(0, len(values), _CHUNK):
         _refuse_absurd(what, values[start : start + _CHUNK], start)
     checked: np.ndarray = values
@@ -222,13 +213,12 @@ def _parse_numbers(values: Any, what: str) -> NDArray[Any]:
     for row, value in enumerate(series):  # pandas would coerce dicts, lists and bytes without a word
         if isinstance(value, dict | list | tuple | set | bytes | bytearray | np.ndarray):
             raise TypeError(f"{what}: argument must be a string or a number, row {row} holds {value!r:.60}.")
-    series = series.where(~series.map(lambda value: isinstance(value, str) and is_missing(value)), None)
+    series = series.where(~series.map(lambda value: isinstance(value, str) and value.strip() in MISSING), None)
     try:
         numbers = pd.to_numeric(series, errors="coerce")
     except OverflowError:  # a whole number of more than 300 digits
         numbers = series.map(_float_or_infinity)
-    odd = series.map(lambda value: isinstance(value, str) and has_other_blanks(value)).to_numpy(dtype=bool)
-    bad = (numbers.isna() & series.notna()).to_numpy() | odd
+    bad = (numbers.isna() & series.notna()).to_numpy()
     if bad.any():
         row = int(bad.argmax())
         coerced = "; pandas.to_numeric(..., errors='coerce') does so"

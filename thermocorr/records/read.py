@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from .errors import RecordError, listing, option, quoted, times_word, warn, way
 from .labels import factorized
-from .log import Log
 from .numbers import as_data, is_frame, numeric_column, span_text, span_texts
 from .record import Record
 from .screen import missing_text, nothing_known_text, reading_of
@@ -48,7 +47,7 @@ def read_record(X: Any, layout: Layout, *, y: Any = None, needed: Sequence[objec
 
     Parameters
     ----------
-    X : DataFrame or array of shape (n_rows, n_columns), Log, or Record
+    X : DataFrame or array of shape (n_rows, n_columns), or Record
         Times come from the column `layout.time`, else from an index of dates, periods, spans or dates in text, else
         rows are `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
         "temperature", else the first.
@@ -68,10 +67,6 @@ def read_record(X: Any, layout: Layout, *, y: Any = None, needed: Sequence[objec
         For what cannot be used: the message says what was found, where, and what to do.
     """
     X = as_data(X)
-    if isinstance(X, Log):
-        known: Record | None = X.to_record(layout, y, needed)
-        if known is not None:
-            return known
     frame = is_frame(X)
     n = len(X)
     name = temperature_column(X, layout, quiet)
@@ -182,13 +177,8 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
             raise RecordError(
                 f"There is no time column {layout.time!r} in the data. {found}. Name one with {option('time')}."
             )
-        if isinstance(X, Log):
-            return X.times(str(layout.time))
         return times_from(X[layout.time], f"The time column {layout.time!r}")
-    if isinstance(X, Log):
-        if X.index_name is not None and layout.sampling_period is None:
-            return X.times(X.index_name)
-    elif frame and (times := index_times(X.index)) is not None:
+    if frame and (times := index_times(X.index)) is not None:
         if layout.sampling_period is not None:
             notes.append(
                 f"The data have times of their own: {way('--sampling-period', 'sampling_period')} is not used."
@@ -225,7 +215,7 @@ def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, ND
             f"Name one with {option('run')}."
         )
     else:
-        labels = pd.Series(X[str(layout.run)][:]) if isinstance(X, Log) else X[layout.run]
+        labels = X[layout.run]
         if labels.ndim != 1:
             raise RecordError(f"The run column stands over {labels.shape[1]} columns. Give columns unique names.")
     codes, names = factorized(labels, f"The run column {layout.run!r}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -32,20 +32,10 @@ _REMEDY = {
     "text": "holds text ({type}) where {wanted} are needed.",
 }
 _WANTED = {"time": "dates, time spans or seconds", "label": "labels"}
-_ARROW: tuple[tuple[str, ColumnKind], ...] = (
-    ("timestamp", "date"), ("date", "date"), ("duration", "span"), ("bool", "switch"), ("int", "number"),
-    ("uint", "number"), ("float", "number"), ("double", "number"), ("halffloat", "number"), ("decimal", "number"),
-    ("null", "number"), ("string", "text"), ("large_string", "text"), ("dictionary<values=string", "text"),
-    ("dictionary<values=large_string", "text"),
-)  # fmt: skip
-"""Beginnings of the names of Arrow's types."""
 
 
 def kind_of(values: Any) -> ColumnKind:
-    """Kind of a Series, an array, or a column of a `Log`, which says its kind itself."""
-    said = getattr(values, "kind", None)
-    if isinstance(said, str):
-        return cast(ColumnKind, said)
+    """Kind of a Series or an array."""
     dtype = values.dtype
     if isinstance(dtype, np.dtype) and dtype.kind in "fiu":
         return "number"
@@ -63,11 +53,6 @@ def kind_of(values: Any) -> ColumnKind:
     if inner == "mixed" and isinstance(values[pd.notna(values)].iloc[0], list | dict | np.ndarray):
         return "other"
     return {"boolean": "switch", "decimal": "number"}.get(inner, "text")  # type: ignore[return-value]
-
-
-def kind_of_arrow(type_name: str) -> ColumnKind:
-    """Kind of a column of a Parquet file."""
-    return next((kind for start, kind in _ARROW if type_name.startswith(start)), "other")
 
 
 def require_role(kind: ColumnKind, role: Role, what: str, type_name: str) -> None:

@@ -33,7 +33,8 @@ _WRITTEN = {
 DEGREES = ("degC", "degF", "K")
 """Units of temperatures."""
 TEMPERATURES = re.compile(
-    r"(?<!at)temp|ambient|room|oven|case(?![a-z])|thermo|lämpöt|teplot|hőm|темп|温度|気温|^amb|^ta(mb)?$|^t\d*$|^t[_ ]",
+    r"(?<!at)temp|ambient|room|oven|^tair|case(?![a-z])|thermo"
+    r"|lämpöt|teplot|hőm|темп|温度|気温|^amb|^ta(mb)?$|^t\d*$|^t[_ ]",
     re.IGNORECASE,
 )
 """Names that temperatures go by."""

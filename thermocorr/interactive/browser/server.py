@@ -24,9 +24,8 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from ...foreign.containers import FEATHER, PACKED, SHEETS
+from ...readers.log import FRAMES
 from ...records import RecordError
-from ...records.files import FORMATS
 from ..learning import sentence
 from ..opening import Opening
 from . import page_assets
@@ -40,7 +39,7 @@ MOST_UPLOADED = 1 << 30
 """Bytes of a log that is dropped on the page."""
 SAID = ("do", "take", *LOOKS)
 """What a page may say to the desk."""
-ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", *FORMATS, *FEATHER, *SHEETS, *PACKED)
+ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".gz", ".zip", *FRAMES)
 
 
 class TooLarge(ValueError):

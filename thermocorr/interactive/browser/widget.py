@@ -15,7 +15,6 @@ from ...effects.protocol import Effect
 from ...effects.wrap import as_effects
 from ...estimators import DynamicBiasRegressor
 from ...estimators.thermometers import Thermometers
-from ...foreign import ForeignTable
 from ...judgement import diagnose
 from ...records.numbers import as_pandas
 from ..acts import Add, AddedEffect, Columns, ModelSettings, Past, Roles
@@ -90,7 +89,7 @@ def bench_of(model: DynamicBiasRegressor, X: Any, y: Any, suspects: Sequence[typ
         max_gap=model.max_gap,
     )
     base.set_params(temperature=ambient)
-    source = ReadLog(table=ForeignTable(frame=frame), name="data in memory")
+    source = ReadLog(frame=frame, name="data in memory")
     folder = tempfile.TemporaryDirectory(prefix="thermocorr-")
     bench = Bench(source, Store(folder.name), settings=settings, own=suspects, base=base)
     weakref.finalize(bench, folder.cleanup)

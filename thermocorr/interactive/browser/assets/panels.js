@@ -20,7 +20,6 @@
       }
       select.value = column.role;
       selects.set(column.name, select);
-      if (column.joined) return element("tr", {}, element("th", { scope: "row" }, column.shown), element("td", { class: "fine" }, "in the time"));
       const missing = column.missing ? element("small", {}, `${column.missing} missing`) : null;
       return element("tr", {}, element("th", { scope: "row" }, column.shown, column.unit && !column.shown.includes(column.unit) ? element("span", { class: "soft" }, ` [${column.unit}]`) : null, missing), element("td", {}, select));
     })));

@@ -1,0 +1,106 @@
+"""Floor 1: logs as programs write them, read into frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from .form import Form
+from .large import gathered
+from .log import as_runs, joined, read_one, refuse_other_clocks
+from .options import Options
+from .roles import RUN, Roles, guess, is_counter
+
+__all__ = ["RUN", "Form", "Options", "Roles", "guess", "is_counter", "read_log", "read_logs"]
+
+
+def read_log(
+    paths: str | Path | Sequence[str | Path] | Iterator[pd.DataFrame],
+    *,
+    sep: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+    names: Sequence[str] = (),
+    na: Sequence[str] = (),
+    sheet: str | None = None,
+    skip_bad_rows: bool = False,
+    time: str | None = None,
+    time_format: str | None = None,
+    timezone: str | None = None,
+    reading: str | None = None,
+    run: str | None = None,
+) -> pd.DataFrame:
+    r"""Read a log in one file or several.
+
+    Text of any separator, decimal sign, way to write dates, and preamble; gz and zip around it; lines of words and
+    numbers; JSON by lines; spreadsheets, Parquet and Feather. What can be read in two ways is asked, not guessed.
+
+    Parameters
+    ----------
+    paths : path, sequence of paths, or iterator of DataFrames
+        Files of the same columns are one log where they follow on one another, else runs, told apart by a column
+        "file". Others are joined by their times, on the rows of the one with the reading. Frames are parts of a log
+        that is larger than memory, such as `pandas.read_csv(..., chunksize=100_000)`: their numbers are kept in
+        temporary files, and mapped into memory where they are used.
+    sep, decimal, encoding : str, optional
+        Of a text, where it does not tell them.
+    names : sequence of str
+        Names of all columns, for a file without a header, or with one that is too short.
+    na : sequence of str
+        Words and numbers that say that there is no value, beside the usual ones.
+    sheet : str, optional
+        Of a spreadsheet.
+    skip_bad_rows : bool, default False
+        Leave out lines that are no rows, rows without a time, cells that are words among numbers, and rows with a
+        time for the second time; sort by time. All is counted in the notes.
+    time : str, optional
+        Column of times.
+    time_format : str, optional
+        As for `strptime`; or excel, matlab, mjd, jd, labview, unix, "unix ms", "unix us", "unix ns", hhmm, seconds.
+    timezone : str, optional
+        Of local times, such as Europe/Berlin. Of several files it is for those that have none.
+    reading, run : str, optional
+        Columns of the readings and of labels of runs.
+
+    Returns
+    -------
+    DataFrame of shape (n_rows, n_columns)
+        Its index holds the times: dates, in UTC where they have a zone, or spans of time; a range where the log has
+        none. `attrs` has "units" (of columns), "notes" (how it was understood), and "form" (how later lines are read).
+
+    Raises
+    ------
+    RecordError
+        For a file that is missing, is no log, or can be read in two ways; it names the option that settles it.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
+    >>> _ = path.write_text("Datum;T [°C];R [Ohm]\n17.05.2024 12:00;20,5;1000,12\n17.05.2024 12:01;20,6;1000,15\n")
+    >>> log = read_log(path)
+    >>> log["R [Ohm]"].tolist(), log.index[0], log.attrs["notes"][:2]
+    ([1000.12, 1000.15], Timestamp('2024-05-17 12:00:00'), ['separated by semicolons', 'decimal comma'])
+    """
+    if isinstance(paths, Iterator):
+        return gathered(paths)
+    return read_logs(
+        [paths] if isinstance(paths, str | Path) else list(paths),
+        Options(
+            sep=sep, decimal=decimal, encoding=encoding, names=names, na=na, sheet=sheet, reading=reading, run=run,
+            skip_bad_rows=skip_bad_rows, time=time, time_format=time_format, timezone=timezone,
+        ),
+    )  # fmt: skip
+
+
+def read_logs(paths: Sequence[str | Path], said: Options, form: Form | None = None) -> pd.DataFrame:
+    """Read files with some options; one alone by `form`, where it is written so. See `read_log`."""
+    tables = [read_one(path, said, form) for path in paths]
+    if len(tables) == 1:
+        return tables[0]
+    places = list(map(str, paths))
+    refuse_other_clocks(tables, places)
+    alike = all(set(table.columns) == set(tables[0].columns) for table in tables)
+    return (as_runs if alike else joined)(tables, places, said)

@@ -1,0 +1,136 @@
+"""Cells of a table: numbers, times, and words for no value."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import option, quoted
+
+NO_VALUE = (
+    "-", "--", "---", "----", "-----", "*", "***", "?", "OL", "O.L", "0L", "OVLD", "OVL", "OVER", "-OVER", "+OVER",
+    "OVERLOAD", "OVERFLOW", "OVERRANGE", "Over range", "Out of range", "UNDER", "UNDERRANGE", "NAN", "none",
+    "undefined", "unavailable", "unknown", "No data", "NoData", "open", "fault", "error", "err", "bad", "invalid",
+    "timeout", "offline", "#VALUE!", "#REF!", "#DIV/0!", "#NUM!", "#NAME?", "#NV", "#WERT!", "\u2212", "\u2013",
+)  # fmt: skip
+"""What instruments and programs write in place of a number, beside what pandas knows."""
+SAID_EMPTY = {word.lower() for word in (*NO_VALUE, "", "null", "n/a", "#n/a", "na", "nan", "inf", "-inf")}
+_SIGN = r"[-+\u2212\u2013]?"
+NUMBER = {
+    ".": _SIGN + r"(?:\d[\d'\u2019\u00a0\u202f]*\.?\d*|\.\d+|\d{1,3}(?:,\d{3})+(?:\.\d*)?)(?:[eEdD][-+]?\d+)?",
+    ",": _SIGN + r"(?:\d[\d'\u2019\u00a0\u202f.]*,?\d*|,\d+)(?:[eEdD][-+]?\d+)?",
+}
+"""Decimal sign -> pattern of a number, with signs between thousands."""
+OF_DAY = r"\d+:\d{1,2}(?::\d{1,2})?(?:[.,:]\d+)?(?: ?[apAP]\.? ?[mM]\.?)?"
+ZONE = r"(?: ?(?:Z|UTC|GMT)| ?[-+]\d\d:?(?:\d\d)?)"
+_DATE = (
+    r"(?:[A-Za-z]{2,3},? )?(?:\d{4}([-/.])\d{1,2}\1\d{1,2}|\d{4}-W\d\d-\d|\d{1,2}([-/. ])\d{1,2}\2(?:\d{4}|\d\d)"
+    r"|\d{1,2}\.?[- ]?[^\W\d_]{3,}\.?[- ,.]+\d{2,4}|[^\W\d_]{3,9} \d{1,2},? \d{4}|\d{8}|\d{6})"
+)
+MOMENT = re.compile(rf"{_DATE}(?:[T ,_:]*(?:{OF_DAY}|\d{{6}}|\d{{4}})?{ZONE}?)?|{OF_DAY}{ZONE}?|-?\d+ days?.*")
+"""A date, a time of day, or both."""
+_SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "'": "", "\u2019": "", "\u00a0": "", "\u202f": ""})
+
+
+def is_typed(cell: str, decimal: str) -> bool:
+    """True if a cell is a number, with a unit behind it or not, or a time."""
+    return bool(re.fullmatch(NUMBER[decimal] + r"(?: ?[°%\w/²³µμ℃Ω]{1,6})?", cell) or MOMENT.fullmatch(cell))
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line, bare."""
+    if '"' in line:
+        text = line.strip() if separator == " " else line
+        try:
+            cells = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+        except csv.Error:  # a cell of more than 128 KiB
+            return []
+    else:
+        cells = line.split() if separator == " " else line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def is_number(column: pd.Series) -> bool:
+    """True for a column of numbers; switches are none."""
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+
+
+def varies(column: pd.Series) -> bool:
+    """True if a column has more than one value; most show that in their first rows."""
+    return column.head(1000).nunique() > 1 or column.nunique() > 1
+
+
+def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tuple[pd.Series, str] | None:
+    """Text as numbers, NaN for cells that are none, and the unit behind them; None if most cells are no numbers.
+
+    Signs between thousands, exponents after D and a unit behind every number are ways of writing. `unit` (str,
+    optional): What is behind them, if that is known: then nothing is asked, and None is for no number at all. Raises
+    RecordError where whole thousands may be fractions, or points stand beside decimal commas.
+    """
+    known, sure = column.dropna(), unit is None
+    if not len(known) or not _likely(known.iloc[_spread(len(known))]).mean() > (0.5 if sure else 0.0):
+        return None
+    known = known.astype(str).str.strip()
+    text = known[_likely(known)].map(lambda cell: cell.translate(_SIGNS))
+    behind = r"^([-+]?[.,\d]*\d(?:[eE][-+]?\d+)?)\s*([^\d\s.,:+-][^\d:]*)$"
+    if unit is None:
+        some = text.iloc[_spread(len(text))].str.extract(behind)[1]
+        unit = str(some.mode().iloc[0]) if some.notna().mean() > 0.5 else ""
+    if unit:
+        parts = text.str.extract(behind)
+        text = parts[0][parts[1] == unit]
+        decimal = "," if text.str.contains(",").any() and not text.str.contains(".", regex=False).any() else decimal
+    other = "." if decimal == "," else ","
+    grouped = text.str.fullmatch(rf"[-+]?\d{{1,3}}(?:\{other}\d{{3}})+(?:\{decimal}\d*)?")
+    if grouped.any():
+        whole = text[grouped & ~text.str.contains(decimal, regex=False)]
+        if len(whole) and sure:
+            raise RecordError(
+                f"{whole.iloc[0]!r} in {quoted(column.name)} may be a thousandfold, or a fraction. Say the sign of "
+                f"decimals with {option('decimal')}."
+            )
+        text = text.where(~grouped, text.str.replace(other, "", regex=False)).drop(whole.index)
+    if decimal == ",":
+        points = text[text.str.contains(".", regex=False)]
+        if len(points) and sure:
+            raise RecordError(
+                f"{points.iloc[0]!r} in {quoted(column.name)} has a point, and other numbers have commas. Say the "
+                f"sign of decimals with {option('decimal')}."
+            )
+        text = text.drop(points.index).str.replace(",", ".", regex=False)
+    values = pd.to_numeric(text.str.replace(r"(?<=\d)[dD](?=[-+]?\d)", "e", regex=True), errors="coerce")
+    return values.reindex(column.index).astype(float), unit
+
+
+def _spread(n: int) -> np.ndarray:
+    """Numbers of up to 200 rows of n."""
+    return np.unique(np.linspace(0, n - 1, 200).astype(int))
+
+
+def _likely(cells: pd.Series) -> pd.Series:
+    """Mask of cells that begin as numbers do, and are no times."""
+    text = cells.astype(str).str.strip()
+    return text.str.match(rf"{_SIGN}[.,]?\d") & ~text.str.fullmatch(MOMENT)
+
+
+def says_something(cells: pd.Series) -> pd.Series:
+    """Mask of cells that are neither empty nor words for no value."""
+    return cells.notna() & ~cells.astype(str).str.strip().str.lower().isin(SAID_EMPTY)
+
+
+def refuse_thousands(values: pd.Series, name: str) -> None:
+    """Raise RecordError for 998, 999, 1.000, 1.001: whole thousands that were read as fractions."""
+    size = values.abs().dropna()
+    small, large = size[(size < 100) & (size > 0)], size[size >= 100]
+    if not len(large) or not (large % 1 == 0).all() or not (small % 1 > 0).any():
+        return
+    whole = np.allclose(small * 1000, np.round(small * 1000))
+    if whole and large.max() < 1000 and 0 <= small.min() * 1000 - large.max() < 0.5 * large.max():
+        raise RecordError(
+            f"{quoted(name)} has {large.iloc[-1]:g} and {small.iloc[0]:g}: a thousandfold, or a fraction? Say the sign "
+            f"of decimals with {option('decimal')}."
+        )

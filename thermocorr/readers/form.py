@@ -1,0 +1,164 @@
+"""How a log is written: all that is needed to read more lines of it."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import listing, option, quoted, times_word
+from .cells import NO_VALUE, as_numbers, is_number, says_something, split
+from .clocks import Clock
+from .lines import STAMPED, Template, rows_of
+
+_DIGITS: Any = {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+"""How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
+JSON = "{"
+"""What stands for a separator where each line is an object of JSON."""
+
+
+@dataclass
+class Form:
+    """How a log is written. Made of plain values: a model keeps it, and reads later lines by it."""
+
+    encoding: str = "utf-8"
+    separator: str = ","
+    """Between cells; `JSON`; or "" for lines of words and numbers, which `templates` describe."""
+    decimal: str = "."
+    names: list[str] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    behind: dict[str, str] = field(default_factory=dict)
+    """Units that stand behind the numbers of a column, in each of its cells."""
+    header: str = ""
+    """The line of names, which comes again where a logger begins anew; "" where there is none."""
+    below: int = 0
+    """Lines from the header to the first row; without a header, lines above the first row."""
+    templates: list[Template] = field(default_factory=list)
+    stamped: bool = False
+    """A monitor has written a time of day and an arrow before each line."""
+    numbers: list[str] = field(default_factory=list)
+    """Columns of numbers."""
+    missing: list[str] = field(default_factory=list)
+    """Words and numbers for no value, besides `NO_VALUE`."""
+    long: list[str] = field(default_factory=list)
+    """Columns of names and of values, where each line holds one value."""
+    clock: Clock | None = None
+
+    def cells(self, text: str, line: int, skip: bool, most: float = 0.5) -> tuple[pd.DataFrame, list[str]]:
+        """Whole lines as a frame of numbers and text, whose index has the numbers of the lines, and notes.
+
+        `line` (int): Number of the first of them in the file. `skip` (bool): Leave out lines that are no rows. `most`
+        (float): Share of lines that may be none. Raises RecordError for the first such line, and for too many.
+        """
+        if self.separator == JSON:
+            try:
+                return pd.json_normalize([json.loads(one) for one in text.split("\n") if one.strip()]), []
+            except ValueError as error:
+                raise RecordError(f"A line is no JSON: {error}.") from None
+        text = STAMPED.sub(r"\1,", text) if self.stamped else text
+        if self.templates:
+            frame = rows_of(text, self.templates)
+            return frame.set_axis(frame.index + line), []
+        text = text if text.endswith("\n") else text + "\n"
+        content, notes, numbers = text.encode(), list[str](), None
+        if not self._is_plain(text, content):
+            content, notes, numbers = self._rows(text, line, skip, most)
+        separator = r"\s+" if self.separator == " " else self.separator
+        frame = pd.read_csv(
+            io.BytesIO(content), sep=separator, decimal=self.decimal, header=None, names=self.names, index_col=False,
+            low_memory=False, skipinitialspace=True, na_values=[*NO_VALUE, *self.missing], **_DIGITS,
+        )  # fmt: skip
+        frame.index = pd.RangeIndex(line, line + len(frame)) if numbers is None else pd.Index(numbers)
+        return frame, notes
+
+    def _is_plain(self, text: str, content: bytes) -> bool:
+        """True if every line is a row: no comments, quotes, header again or empty ones, all of the same width."""
+        if self.separator == " " or len(self.names) < 2 or '"' in text or "\n#" in text or text.startswith("#"):
+            return False
+        if self.header and self.header in text:
+            return False
+        row = self.separator.encode() * (len(self.names) - 1) + b"\n"
+        marks = content.translate(None, bytes(set(range(256)) - set(row)))
+        return marks == row * (len(marks) // len(row)) and b"\n" + row not in content and not content.startswith(row)
+
+    def _rows(self, text: str, line: int, skip: bool, most: float) -> tuple[bytes, list[str], list[int]]:
+        """The lines that are rows, notes on others, and the numbers of the rows' lines."""
+        lines, kept, bad, wanted = text.split("\n")[:-1], list[int](), [], len(self.names)
+        blanks = self.separator + " \t"
+        for k, one in enumerate(lines):
+            bare = one.strip(blanks)
+            if not bare or one.startswith("#") or (self.header and one.strip() == self.header):
+                continue
+            if '"' not in one and self.separator != " ":
+                width = one.count(self.separator) + 1
+            else:
+                width = 0 if one.count('"') % 2 else len(split(one, self.separator))
+            if width == wanted:
+                kept.append(k)
+            else:
+                bad.append((k, width))
+        content = ("\n".join(lines[k] for k in kept) + "\n").encode()
+        numbers = [line + k for k in kept]
+        if not bad:
+            return content, [], numbers
+        k, width = bad[0]
+        found = f"it has {times_word(width, 'field')} where the header has {wanted}"
+        found = f"line {line + k}: {found if width else 'a quoted field is not closed on its line'}"
+        if len(bad) > most * len(lines):
+            raise RecordError(
+                f"{len(bad)} of {times_word(len(lines), 'line')} are no rows, such as {found}. Say the names of all "
+                f"columns with {option('names')}."
+            )
+        if not skip:
+            raise RecordError(
+                f"It cannot be read as a table: {found}: {quoted(lines[k])}. Mend it, or pass over such lines with "
+                f"{option('skip_bad_rows', 'True')}."
+            )
+        return content, [f"{times_word(len(bad), 'line')} left out, no rows, the first is {found}"], numbers
+
+    def later(self, text: str, line: int) -> tuple[pd.DataFrame, list[str]]:
+        """Later lines, all of them, indexed by their times; what is no row, number or time is left out and noted.
+
+        Raises RecordError for a header of other columns.
+        """
+        frame, notes = self.cells(text, line, skip=True, most=1.0)
+        for name in self.numbers:
+            if name not in frame:
+                frame[name] = np.nan
+            if is_number(frame[name]):
+                continue
+            read = as_numbers(frame[name], self.decimal, self.behind.get(name, ""))
+            values = pd.Series(np.nan, frame.index) if read is None else read[0]
+            odd = frame[name][values.isna() & says_something(frame[name])]
+            notes += [f"line {line}: {quoted(cell)} in {quoted(name)} is no number" for line, cell in odd.items()]
+            frame[name] = values
+        frame = frame.replace([np.inf, -np.inf], np.nan)
+        if self.clock is None:
+            return frame.reset_index(drop=True), notes
+        index = self.clock.times(frame)
+        kept = np.asarray(pd.notna(index))
+        self.refuse_header(frame[~kept])
+        gone = [column for column in (*self.clock.columns, self.clock.fraction) if column in frame]
+        if not kept.all():
+            cells = frame[self.clock.columns[0]][~kept]
+            notes += [f"line {line} is left out: {quoted(str(cell))} is no time" for line, cell in cells.items()]
+        return frame.drop(columns=gone).set_axis(index)[kept], notes
+
+    def place(self, number: object) -> str:
+        """A row of a log in words: its line, where the log is a text."""
+        return f"line {number}" if self.names or self.separator == JSON else f"row {number}"
+
+    def refuse_header(self, rows: pd.DataFrame) -> None:
+        """Raise RecordError for rows that are a header of other columns: what stands below it may be anything."""
+        for row in rows.to_numpy():
+            cells = [str(cell).strip() for cell in row]
+            if set(self.names) & set(cells):
+                raise RecordError(
+                    f"A header comes again with other names ({listing(cells)}; before: {listing(self.names)}). Give "
+                    "what stands below it as a file of its own."
+                )

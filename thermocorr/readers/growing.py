@@ -1,0 +1,152 @@
+"""Later lines of a log, in the form of its first."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pandas as pd
+
+from ..records import RecordError
+from ..records.errors import listing
+from .cells import is_typed, split
+from .clocks import Clock, as_seconds, unwrapped
+from .form import Form
+from .log import start_of
+
+_LONGEST = 1 << 20
+"""Characters of a line at most: a longer one is no row of a log."""
+_PREAMBLE = 100
+"""Lines among which the names of the columns are looked for."""
+
+
+class Growing:
+    """Reads a log as it grows.
+
+    Parameters
+    ----------
+    form : Form, optional
+        Of the log that a model was fitted to; without one, plain CSV is read: commas, decimal points, and times of
+        ISO 8601 or seconds.
+    needed : sequence of str
+        Columns that a plain CSV must have.
+    time : str, optional
+        Column of times of a plain CSV; None for a log without times.
+    seconds : bool
+        True if these are seconds.
+    """
+
+    def __init__(self, form: Form | None, needed: Sequence[str], time: str | None, seconds: bool):
+        self.form, self.needed, self.time, self.seconds = form, list(needed), time, seconds
+        self.lines = 0
+        """Lines read."""
+        self.last: pd.Timestamp | pd.Timedelta | None = None
+        self._decoder = codecs.getincrementaldecoder(form.encoding if form else "utf-8-sig")("replace")
+        self._rest, self._begun = "", False
+
+    def feed(self, new: bytes) -> tuple[pd.DataFrame | None, list[str]]:
+        """The rows that these bytes complete, indexed by their times, and notes; None where there are none.
+
+        Raises RecordError for a log in another form, and for a header of other columns.
+        """
+        text = self._rest + self._decoder.decode(new).replace("\r\n", "\n").replace("\r", "\n")
+        whole, _, self._rest = text.rpartition("\n")
+        if len(self._rest) > _LONGEST:
+            raise RecordError(f"The log has a line of more than {_LONGEST} characters. Is it text?")
+        text = whole + "\n" if whole else ""
+        if not self._begun and text.strip():
+            at = self._begin(text)
+            if at is None:
+                self._rest = text + self._rest
+                return None, []
+            self.lines, text, self._begun = text.count("\n", 0, at), text[at:], True
+        return self._rows(text) if text.strip() else (None, [])
+
+    def header(self) -> pd.DataFrame | None:
+        """The log's columns without rows, as soon as they are known; None before."""
+        if not self._begun or self.form is None:
+            return None
+        clock = self.form.clock
+        gone = () if clock is None else (*clock.columns, clock.fraction)
+        index = pd.RangeIndex(0) if clock is None else pd.DatetimeIndex([], name="time")
+        return pd.DataFrame({name: pd.Series(dtype=float) for name in self.form.names if name not in gone}, index)
+
+    @property
+    def cut(self) -> bool:
+        """True if a line has not ended yet."""
+        return bool(self._rest.strip())
+
+    def _begin(self, text: str) -> int | None:
+        """Where the rows begin; None where that cannot be told yet."""
+        lines = text.split("\n")
+        if self.form is not None:
+            if self.form.long:
+                raise RecordError(
+                    "The log has one value a line: its columns are put together in a whole file. Give it as one."
+                )
+            if (at := start_of(text, self.form)) is not None and (self.form.header or self.form.templates):
+                return at
+            for k, line in enumerate(lines[:_PREAMBLE]):
+                cells = split(line, self.form.separator or "\n")
+                if self._is_row(cells):
+                    return sum(len(one) + 1 for one in lines[:k])
+                if len(cells) > 1 and set(cells) >= set(self.form.names) and self.form.header:
+                    self.form = replace(self.form, names=cells, header=line.strip())
+                    return (
+                        sum(len(one) + 1 for one in lines[: k + self.form.below])
+                        if len(lines) > k + self.form.below
+                        else None
+                    )
+        first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
+        names = split(lines[first], ",")
+        wanted = [*self.needed, *([] if self.time is None else [self.time])]
+        if set(wanted) <= set(names):
+            clock = None if self.time is None else Clock([self.time], "seconds" if self.seconds else "iso")
+            self.form = Form(names=names, header=lines[first].strip(), below=1, numbers=self.needed, clock=clock)
+            return sum(len(line) + 1 for line in lines[: first + 1])
+        if len(lines) < _PREAMBLE and self.form is not None:
+            return None
+        missing = listing([name for name in wanted if name not in names])
+        raise RecordError(
+            f"The log has no column {missing}; it has {listing(names)}. Give it as a whole file to read another form."
+        )
+
+    def _is_row(self, cells: list[str]) -> bool:
+        form = self.form
+        if form is None or form.templates or len(cells) != len(form.names):
+            return False
+        numbers = [cell for name, cell in zip(form.names, cells, strict=True) if name in form.numbers and cell]
+        return bool(numbers) and all(is_typed(cell, form.decimal) for cell in numbers)
+
+    def _rows(self, text: str) -> tuple[pd.DataFrame | None, list[str]]:
+        form = self.form
+        assert form is not None
+        if form.header and form.names[0] in text:  # the same names in another order
+            lines = text.split("\n")
+            for k, line in enumerate(lines):
+                cells = split(line, form.separator) if form.names[0] in line else []
+                if line.strip() != form.header and cells and set(cells) == set(form.names):
+                    before, notes = self._rows("\n".join([*lines[:k], ""]))
+                    self.form = replace(form, names=cells, header=line.strip())
+                    self.lines += 1
+                    after, more = self._rows("\n".join(lines[k + 1 :]))
+                    parts = [part for part in (before, after) if part is not None]
+                    return pd.concat(parts) if parts else None, notes + more
+        if not text.strip():
+            self.lines += text.count("\n")
+            return None, []
+        frame, notes = form.later(text, self.lines + 1)
+        self.lines += text.count("\n")
+        if form.clock is not None:
+            frame.index = self._times(frame.index, form.clock)
+            self.last = frame.index[-1] if len(frame) else self.last
+        return (frame if len(frame) else None), notes
+
+    def _times(self, times: pd.Index, clock: Clock) -> pd.Index:
+        """Times that follow on those before: dates in UTC where they have a zone, or spans."""
+        if isinstance(times, pd.DatetimeIndex):
+            last = self.last if isinstance(self.last, pd.Timestamp) else None
+            return (clock.in_zone(times, last) if times.tz is None else times.tz_convert("UTC")).rename("time")
+        last_seconds = None if self.last is None else float(as_seconds(pd.Index([self.last]))[0])
+        return pd.to_timedelta(unwrapped(times, clock, last_seconds).to_numpy(float).round(9), unit="s").rename("time")

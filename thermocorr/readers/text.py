@@ -1,0 +1,89 @@
+"""The text of a file: unpacked and decoded."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ..records import RecordError
+from ..records.errors import listing, option
+
+MOST = 1 << 31
+"""Bytes that a packed file may become."""
+_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+_OTHERS = {
+    b"\xd0\xcf\x11\xe0": "a document in the old format of Excel", b"%PDF": "a PDF", b"\x89HDF": "HDF5",
+    b"PAR1": "Parquet", b"ARROW1": "Feather", b"SQLite format 3": "a database", b"TDSm": "a file of LabVIEW",
+    b"BZh": "packed by bzip2", b"\xfd7zXZ": "packed by xz", b"\x28\xb5\x2f\xfd": "packed by zstd",
+    b"MATLAB 5": "a file of Matlab", b"7z\xbc\xaf": "packed by 7-Zip", b"\x93NUMPY": "an array of numpy",
+}  # fmt: skip
+"""How files begin that are no text, whatever they are called."""
+
+
+def unpacked(content: bytes, path: Path) -> bytes:
+    """What is in a .gz, or in a .zip of one file; other text as it is. RecordError for what is no text."""
+    try:
+        if content.startswith(b"\x1f\x8b"):
+            content = _bounded(gzip.GzipFile(fileobj=io.BytesIO(content)), path)
+        elif content.startswith(b"PK\3\4"):
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                names = [name for name in archive.namelist() if not name.endswith("/") and "__MACOSX" not in name]
+                if any(name.endswith(".xml") for name in names):
+                    raise RecordError(f"{path} is a document of Office, which is not read as {path.suffix}. {_SAVE}")
+                if len(names) != 1:
+                    raise RecordError(f"{path} holds {len(names)} files ({listing(names)}). Unpack the log.")
+                content = _bounded(archive.open(names[0]), path)
+    except RecordError:
+        raise
+    except (OSError, EOFError, ValueError, zlib.error, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise RecordError(f"{path} cannot be unpacked: {error}. Was it cut while it was copied?") from None
+    found = next((what for mark, what in _OTHERS.items() if content.startswith(mark)), None)
+    if found is not None:
+        raise RecordError(f"{path} is {found}, not text. {_SAVE}")
+    return content
+
+
+_SAVE = "Save it as CSV, .xlsx or .parquet, with that ending."
+
+
+def _bounded(packed: io.BufferedIOBase | gzip.GzipFile | object, path: Path) -> bytes:
+    content: bytes = packed.read(MOST + 1)  # type: ignore[attr-defined,union-attr]
+    if len(content) > MOST:
+        raise RecordError(f"{path} becomes larger than {MOST >> 30} GiB. Unpack it, and give the log itself.")
+    return content
+
+
+def decoded(content: bytes, encoding: str | None, path: Path) -> tuple[str, str]:
+    """The text, its lines ended by line feeds, and its encoding: as said, as marked, UTF-8, else Windows-1252.
+
+    UTF-16 without its mark is told by its zeros. Bytes of Windows-1252 are believed in lines that are no rows: in a row
+    they are damage. Raises RecordError for bytes that fit no encoding, with their line.
+    """
+    found = encoding or next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
+    pairs = np.frombuffer(content[: min(4000, len(content) // 2 * 2)], np.uint8).reshape(-1, 2) == 0
+    if found is None and len(pairs) and pairs.any(axis=1).mean() > 0.7:
+        found = "utf-16-le" if pairs[:, 1].any() else "utf-16-be"
+    found = found or "utf-8"
+    try:
+        text = content.decode(found).removeprefix("\ufeff")
+    except LookupError:
+        raise RecordError(f"{option('encoding', repr(found))} is no encoding that Python knows.") from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start)
+        damaged = re.match(rb"[\s\"]*[\d-]", content.split(b"\n", line + 1)[line])
+        if found != "utf-8" or encoding or damaged or re.search(rb"[\x80-\x9f]", content):
+            raise RecordError(
+                f"{path} cannot be read: line {line + 1}: byte {error.start + 1} does not fit {found}. Mend it, or "
+                "save the file in UTF-8."
+            ) from None
+        text, found = content.decode("cp1252"), "cp1252"
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise RecordError(f"{path} cannot be read: line {line} holds a zero byte. Is it text?")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text, found
