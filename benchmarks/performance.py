@@ -36,10 +36,8 @@ from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import make_pipeline
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, diagnose
+from thermocorr import DynamicBiasRegressor, OnlineCorrector, TimeConstantSearch, diagnose, read_log
 from thermocorr.effects import ThermalLag
-from thermocorr.foreign import read_log
-from thermocorr.records.times import dates_once
 
 ROOT = Path(__file__).parents[1]
 PAGE, STORED = ROOT / "docs" / "performance.md", ROOT / "benchmarks" / "ratios.json"
@@ -183,13 +181,18 @@ def others() -> list[Line]:
             live.update_many(X[start : start + 100], y[start : start + 100])
 
     def pandas() -> object:
-        return pd.read_csv(io.BytesIO(content))
+        return pd.read_csv(io.BytesIO(content), parse_dates=["time"])
 
     plain, german = (Path(tempfile.mkdtemp()) / "log.csv" for _ in range(2))
-    table = pd.DataFrame({"time": np.arange(300_000) * STEP, "temperature": 23.456 + np.arange(300_000) % 97 / 7})
+    table = pd.DataFrame(
+        {
+            "time": pd.date_range("2024-03-04", periods=300_000, freq="15s"),
+            "temperature": 23.456 + np.arange(300_000) % 97 / 7,
+        }
+    )
     table["reading"] = 10 * table["temperature"]
     table.to_csv(plain, index=False)
-    table.to_csv(german, index=False, sep=";", decimal=",")
+    table.to_csv(german, index=False, sep=";", decimal=",", date_format="%d.%m.%Y %H:%M:%S")
     content = plain.read_bytes()
     given, chosen, predicted = partial(model.fit, X, y), partial(searched.fit, X, y), partial(model.predict, X)
     return [
@@ -200,8 +203,8 @@ def others() -> list[Line]:
         Line("search and fit (defaults), 84 000 rows", "fit of 6 given", chosen, given),
         Line("diagnose, nothing missing, 84 000 rows", "search and fit", partial(diagnose, searched, X, y), chosen, 3),
         Line("uncertainties of all rows", "search and fit", partial(uncertain, searched, X, y), chosen, 3),
-        Line("read plain CSV, 300 000 rows", "pandas.read_csv", partial(read_log, plain), pandas, 3),
-        Line("read semicolons and decimal commas", "pandas, plain", partial(read_log, german), pandas, 3),
+        Line("read plain CSV with dates, 300 000 rows", "pandas.read_csv", partial(read_log, plain), pandas, 3),
+        Line("read semicolons, decimal commas and dates", "pandas, plain", partial(read_log, german), pandas, 3),
     ]
 
 
@@ -227,8 +230,7 @@ def long_csv(n: int = 3_000_000) -> Line:
     pd.DataFrame({"time": dates, **values}).to_csv(path, index=False)
 
     def ours() -> object:
-        frame = read_log(path).frame
-        return frame.assign(time=dates_once(frame["time"]))
+        return read_log(path)
 
     def other() -> object:
         return csv.read_csv(path, read_options=csv.ReadOptions(use_threads=False)).to_pandas()

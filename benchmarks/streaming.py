@@ -1,4 +1,4 @@
-"""A record larger than memory: fit, evaluate and search from a Parquet file.
+"""A record larger than memory: fit, evaluate and search from the parts of a Parquet file.
 
     python benchmarks/streaming.py --rows 1000000 10000000 100000000
 
@@ -43,19 +43,23 @@ def write(path: Path, n: int) -> None:
 
 def job(name: str, path: str) -> None:
     """One job; prints seconds and peak memory [MiB]."""
-    from thermocorr import DynamicBiasRegressor, ParquetLog
+    from pyarrow import parquet
+
+    from thermocorr import DynamicBiasRegressor, read_log
 
     T = np.sin(np.arange(20_000.0)[:, None])  # imports, and compiled code where there is any, are the start-up
     DynamicBiasRegressor(time_constants=[10.0, 100.0], sampling_period=1.0).fit(T, T[:, 0])
-    log = ParquetLog(path)
+    parts = (batch.to_pandas() for batch in parquet.ParquetFile(path).iter_batches(1_000_000))
+    log = read_log(parts)
+    X, y = log.drop(columns="reading"), log["reading"]
     taus = "auto" if name == "search" else TIME_CONSTANTS
     model = DynamicBiasRegressor("temperature", taus, degree=1, sampling_period=STEP)
     began = time.perf_counter()
     if name != "nothing":
-        model.fit(log, log["reading"])
+        model.fit(X, y)
     if name == "evaluate":
         began = time.perf_counter()
-        for block in model.evaluate_blocks(log, log["reading"]):
+        for block in model.evaluate_blocks(X, y):
             block["residual"].sum()
     spent, status = time.perf_counter() - began, Path("/proc/self/status").read_text()
     print(spent, int(status.split("VmHWM:")[1].split()[0]) / 1024)

@@ -111,7 +111,7 @@ def test_the_reference_of_the_command_line_has_every_command_and_option(making, 
     text = (tmp_path / "commands.md").read_text(encoding="utf-8")
     for name in ("analyze", "correct", "workbench", "export-c"):
         assert f"## thermocorr {name}" in text
-    for option in ("--refine", "--follow", "--effects", "--timezone", "--join"):
+    for option in ("--refine", "--follow", "--effects", "--timezone", "--names"):
         assert option in text
 
 

@@ -149,7 +149,7 @@ def test_a_line_that_is_no_row_is_named_and_moves_no_other(name, correct, read, 
     shown = correct(spoiled)
     assert shown.status == 1 and "line 14" in shown.err
     check(shown, CLEAN[:12] + CLEAN[13:30], model_path)
-    with pytest.raises(RecordError, match="line 14|zero byte"):
+    with pytest.raises(RecordError, match=r"line 14|zero byte"):
         read(spoiled)
 
 
@@ -158,7 +158,7 @@ def test_rows_that_all_differ_from_the_header_are_no_index_in_front(change, corr
     rows = [["7", *row] if change > 0 else row[:-1] for row in CLEAN[:30]]
     shown = correct(text_of(rows))
     assert shown.status == 1 and shown.rows == [] and "30 lines left out" in shown.err
-    with pytest.raises(RecordError, match="one field (more|less) than the header|are no rows|No two lines"):
+    with pytest.raises(RecordError, match=r"one field (more|less) than the header|are no rows|No two lines"):
         read(text_of(rows))
 
 

@@ -7,7 +7,7 @@ from pages import needs, rewritten, run
 
 GUIDE = Path(__file__).parents[1] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
-EXTRAS = {"ParquetLog": "pyarrow", "distributed": "distributed", ".plot(": "matplotlib", "workbench(": "anywidget"}
+EXTRAS = {"distributed": "distributed", ".plot(": "matplotlib", "workbench(": "anywidget"}
 """What a page mentions -> the module that it needs then."""
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from benches import settled, stretch
-from thermocorr.readers import Options
 
 from thermocorr import load_model
 from thermocorr.datasets import make_record
@@ -19,6 +18,7 @@ from thermocorr.interactive.snapshots import snapshot
 from thermocorr.interactive.source import effects_in, opened
 from thermocorr.interactive.takeaway import KINDS, past_node, taken, with_past
 from thermocorr.interactive.tiles import Store
+from thermocorr.readers import Options
 from thermocorr.records import RecordError
 
 pytestmark = pytest.mark.newest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import pandas as pd
@@ -116,8 +117,8 @@ class Clock:
             seconds = cells - LABVIEW if self.format == "labview" else (cells - DAYS[self.format]) * 86_400.0
             return pd.DatetimeIndex(pd.to_datetime(np.round(seconds * 1e3), unit="ms", errors="coerce"))
         if self.format == "seconds":
-            seconds = cells.to_numpy(float) * self.scale
-            return pd.Index(np.where(np.abs(seconds) < 9e9, seconds, np.nan))  # 290 years, as far as spans reach
+            counted = cells.to_numpy(float) * self.scale
+            return pd.Index(np.where(np.abs(counted) < 9e9, counted, np.nan))  # 290 years, as far as spans reach
         text = self.text(frame)
         if self.format.startswith("iso"):
             utc = self.format == "iso utc"
@@ -154,7 +155,7 @@ class Clock:
         cells = [_as_text(frame[name], self.digits) for name in self.columns]
         if len(cells) > 1 and cells[0].head(100).str.contains(_MIDNIGHT, na=False).all():
             cells[0] = cells[0].str.replace(_MIDNIGHT, "", regex=True)  # the date alone
-        return cells[0].str.cat(cells[1:], sep=" ") if len(cells) > 1 else cells[0]
+        return reduce(lambda text, more: text + " " + more, cells)
 
     def in_zone(self, times: pd.Index, last: pd.Timestamp | None = None) -> pd.Index:
         """Local times in `zone` as UTC: of an hour that clocks show twice, as the rows go on evenly.
@@ -164,12 +165,14 @@ class Clock:
         """
         if not self.zone or not isinstance(times, pd.DatetimeIndex) or times.tz is not None:
             return times
-        gone = times.tz_localize(self.zone, ambiguous=True, nonexistent="NaT").isna() & times.notna()
+        gone = np.asarray(times.tz_localize(self.zone, ambiguous=True, nonexistent="NaT").isna()) & np.asarray(
+            times.notna()
+        )
         if gone.any():
             raise RecordError(
                 f"No clock in {self.zone} showed {times[gone][0]}: summer time began. Is it the zone of the log?"
             )
-        twice = times.tz_localize(self.zone, ambiguous="NaT").isna() & times.notna()
+        twice = np.asarray(times.tz_localize(self.zone, ambiguous="NaT").isna()) & np.asarray(times.notna())
         back = np.cumsum(np.diff(times.asi8, prepend=times.asi8[:1]) < 0) > 0
         ways = [times.tz_localize(self.zone, ambiguous=summer).tz_convert("UTC") for summer in (True, False, ~back)]
         if not twice.any():
@@ -247,7 +250,7 @@ def one_date(text: str) -> pd.Timestamp | None:
     read = (pd.to_datetime(cells, format=form, errors="coerce").iloc[0] for form in forms)
     found = list(dict.fromkeys(time for time in read if pd.notna(time)))
     if len(found) == 1:
-        return found[0]  # type: ignore[no-any-return]
+        return found[0]
     if not found:
         raise RecordError(f"{text!r} is no date that there is. Write it as 2024-05-31T14:00:00.")
     read_as, written = (" or ".join(f"{time:{form}}" for time in found) for form in ("%d %B %Y", "%Y-%m-%dT%H:%M:%S"))
@@ -271,7 +274,7 @@ def unwrapped(times: pd.Index, clock: Clock, last: float | None = None) -> pd.In
     """Times of day without a date that go on behind midnight, after a `last` one [s]."""
     if isinstance(times, pd.DatetimeIndex) or clock.format == "seconds" or np.nanmax(times, initial=0.0) >= 86_400:
         return times
-    values = times.to_numpy(float)
+    values = as_seconds(times)
     turns = np.cumsum(np.diff(values, prepend=values[:1] if last is None else [last % 86_400]) < -43_200)
     return pd.Index(values + 86_400.0 * (turns + (0 if last is None else last // 86_400)))
 
@@ -315,7 +318,7 @@ def _is_even(column: pd.Series) -> bool:
 
 def _texts(frame: pd.DataFrame, columns: list[str], lower: dict[str, str], said: Options) -> list[list[str]]:
     """Columns of dates and times of day as text or whole numbers, and such that make dates together."""
-    stamps, dates, clocks, half = [], [], [], []
+    stamps, dates, clocks, half = list[str](), list[str](), list[str](), list[str]()
     for name in columns:
         cells = frame[name].dropna().head(100)
         if pd.api.types.is_datetime64_any_dtype(cells) or pd.api.types.is_timedelta64_dtype(cells):
@@ -450,7 +453,7 @@ def _rising(frame: pd.DataFrame, clocks: list[Clock]) -> tuple[Clock, float]:
 def _with_fraction(frame: pd.DataFrame, clock: Clock) -> Clock:
     """The clock, with a column of parts of a second if there is one beside times that have none."""
     name = next(
-        (n for n in frame if FRACTIONS.fullmatch(str(n)) and n not in clock.columns and is_number(frame[n])), None
+        (n for n in map(str, frame) if FRACTIONS.fullmatch(n) and n not in clock.columns and is_number(frame[n])), None
     )
     if name is None or clock.format in ("seconds", *DAYS, *SINCE_1970) or not varies(frame[name]):
         return clock

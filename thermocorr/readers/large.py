@@ -67,7 +67,7 @@ def _numbers(name: Any, column: pd.Series) -> np.ndarray:
 def _mapped(file: IO[bytes], like: pd.Series) -> Any:
     """The content of a file as an array of the kind of a column."""
     file.flush()
-    values = np.memmap(file, np.float64 if like.dtype.kind in "biuf" else np.int64, "r")  # type: ignore[call-overload]
+    values = np.memmap(file, np.float64 if like.dtype.kind in "biuf" else np.int64, "r")
     if like.dtype.kind == "m":
         return values.view("m8[ns]")
     if isinstance(like.dtype, pd.DatetimeTZDtype):

@@ -150,12 +150,14 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
     notes, words = list(notes), dict[str, str]()
     if not known:
         frame = _without_totals(frame, notes)
-    for name in list(frame):
+    for name in map(str, frame):
         _make_numbers(frame, name, form, said, notes, words, known)
-    nameless = [name for name in frame if re.fullmatch(r"column \d+|\d+", name) and frame[name].isna().all()]
+    nameless = [name for name in map(str, frame) if re.fullmatch(r"column \d+|\d+", name) and frame[name].isna().all()]
     frame = frame.drop(columns=nameless)  # such as what a separator at the end of the rows makes
     if not known:
-        form = replace(form, numbers=[name for name in frame if is_number(frame[name])], long=_long(frame, said))
+        form = replace(
+            form, numbers=[name for name in map(str, frame) if is_number(frame[name])], long=_long(frame, said)
+        )
         series = frame if not form.long else frame[frame[form.long[0]] == frame[form.long[0]].iloc[0]]
         form.clock = find_clock(series, form.units, not form.header, said)
     frame = _indexed(frame, form, said, notes)
@@ -263,7 +265,7 @@ def _with_times(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]
     return frame, pd.to_timedelta(np.round(times.to_numpy(float), 9), unit="s").rename("time")
 
 
-def _in_utc(times: pd.DatetimeIndex, clock: Clock, said: Options, notes: list[str]) -> pd.DatetimeIndex:
+def _in_utc(times: pd.DatetimeIndex, clock: Clock, said: Options, notes: list[str]) -> pd.Index:
     """Dates in UTC, where they have a zone, or one is said."""
     if times.tz is not None:
         notes += [f"times have a zone of their own: {option('timezone')} is not used"] if said.timezone else []
@@ -309,13 +311,13 @@ def _refuse_two_hours(frame: pd.DataFrame, said: Options) -> None:
 
 def _long(frame: pd.DataFrame, said: Options) -> list[str]:
     """The columns of names and values of a log with one value a line: few columns, the same names again and again."""
-    texts = [name for name in frame if frame[name].dtype.kind not in "mMb" and not is_number(frame[name])]
+    texts = [name for name in map(str, frame) if frame[name].dtype.kind not in "mMb" and not is_number(frame[name])]
     texts = [n for n in texts if not MOMENT.fullmatch(str(next(iter(frame[n].dropna()), "")).strip()) and n != said.run]
     if not texts:
         return []
-    moving = [name for name in frame if varies(frame[name]) and name != said.run]
+    moving = [name for name in map(str, frame) if varies(frame[name]) and name != said.run]
     texts = [name for name in texts if name in moving]
-    values = [name for name in ("_value", "state", "value") if name in moving]
+    values = [name for name in moving if name in ("_value", "state", "value")]
     values = values or [name for name in moving if is_number(frame[name])]
     names = [name for name in texts if name not in values and frame[name].nunique() <= min(100, 0.4 * len(frame))]
     return [names[0], values[0]] if len(values) == 1 and names and len(moving) <= 4 else []

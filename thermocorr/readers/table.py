@@ -70,8 +70,8 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
     for k in range(first - 1, -1, -1):
         cells = split(lines[k] if k in real else lines[k].lstrip("#% "), separator)
         filled = len(cells) - next((j for j, cell in enumerate(reversed(cells)) if cell), 0)
-        names = not any(re.fullmatch(NUMBER[form.decimal], cell) for cell in cells if cell)
-        if names and (len(cells) == width or (filled in (width - 1, width, width + 1) and filled > 1)):
+        words = not any(re.fullmatch(NUMBER[form.decimal], cell) for cell in cells if cell)
+        if words and (len(cells) == width or (filled in (width - 1, width, width + 1) and filled > 1)):
             heads.insert(0, (k, cells))
         elif k in real and not (heads and len(cells) == len(heads[0][1])):
             break
@@ -102,8 +102,8 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
         and not re.match(r"comment|note|remark|bemerk|kommentar", names[width], re.I)
     ):
         raise RecordError(
-            f"Every row has one field less than the header, {quoted(lines[at])}. Say the names of all {width} columns with "
-            f"{option('names')}."
+            f"Every row has one field less than the header, {quoted(lines[at])}. Say the names of all {width} columns "
+            f"with {option('names')}."
         )
     below = [cells + [""] * width for _, cells in heads[place + 1 :]]
     if below and len(set(names) - {""}) < len([name for name in names if name]):  # groups above their members

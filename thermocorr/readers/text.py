@@ -8,6 +8,7 @@ import re
 import zipfile
 import zlib
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -52,8 +53,8 @@ def unpacked(content: bytes, path: Path) -> bytes:
 _SAVE = "Save it as CSV, .xlsx or .parquet, with that ending."
 
 
-def _bounded(packed: io.BufferedIOBase | gzip.GzipFile | object, path: Path) -> bytes:
-    content: bytes = packed.read(MOST + 1)  # type: ignore[attr-defined,union-attr]
+def _bounded(packed: IO[bytes] | gzip.GzipFile, path: Path) -> bytes:
+    content: bytes = packed.read(MOST + 1)
     if len(content) > MOST:
         raise RecordError(f"{path} becomes larger than {MOST >> 30} GiB. Unpack it, and give the log itself.")
     return content
