@@ -31,7 +31,13 @@ _DATE = (
     r"(?:[A-Za-z]{2,3},? )?(?:\d{4}([-/.])\d{1,2}\1\d{1,2}|\d{4}-W\d\d-\d|\d{1,2}([-/. ])\d{1,2}\2(?:\d{4}|\d\d)"
     r"|\d{1,2}\.?[- ]?[^\W\d_]{3,}\.?[- ,.]+\d{2,4}|[^\W\d_]{3,9} \d{1,2},? \d{4}|\d{8}|\d{6})"
 )
-MOMENT = re.compile(rf"{_DATE}(?:[T ,_:]*(?:{OF_DAY}|\d{{6}}|\d{{4}})?{ZONE}?)?|{OF_DAY}{ZONE}?|-?\d+ days?.*")
+_CTIME = r"(?:[A-Za-z]{3} )?[A-Za-z]{3} {1,2}\d{1,2} \d\d:\d\d:\d\d \d{4}"
+COMMENTS = ("#", "%", "//")
+"""Beginnings of lines that are no rows."""
+MOMENT = re.compile(
+    rf"{_DATE}(?:[T ,_:]*(?:{OF_DAY}|\d{{6}}|\d{{4}}|\d\d?\.\d\d\.\d\d)?{ZONE}?)?|{OF_DAY}{ZONE}?|{_CTIME}"
+    r"|-?\d+ ?d(?:ays?)?\b.*"
+)
 """A date, a time of day, or both."""
 _SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "'": "", "\u2019": "", "\u00a0": "", "\u202f": ""})
 
@@ -72,6 +78,12 @@ def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tupl
     RecordError where whole thousands may be fractions, or points stand beside decimal commas.
     """
     known, sure = column.dropna(), unit is None
+    if (
+        len(known) and decimal == "." and re.fullmatch(NUMBER["."], str(known.iloc[0]))
+    ):  # times of digits are numbers too
+        plain = pd.to_numeric(known, errors="coerce")
+        if plain.notna().all():
+            return plain.reindex(column.index).astype(float), ""
     if not len(known) or not _likely(known.iloc[_spread(len(known))]).mean() > (0.5 if sure else 0.0):
         return None
     known = known.astype(str).str.strip()

@@ -34,9 +34,9 @@ _DATES = (
 )  # fmt: skip
 """Pattern of a date -> formats of `strptime` that it may be written in."""
 _TIMES = ((r"\d{1,2}:\d\d:\d{1,2}\.\d+", ":%M:%S.%f"), (r"\d{1,2}:\d\d:\d{1,2}", ":%M:%S"), (r"\d{1,2}:\d\d", ":%M"),
-          (r"\d{6}", "%M%S"), (r"\d{4}", "%M"))  # fmt: skip
+          (r"\d{1,2}\.\d\d\.\d\d", ".%M.%S"), (r"\d{6}", "%M%S"), (r"\d{4}", "%M"))  # fmt: skip
 """Pattern of a time of day -> its format behind the hours."""
-_ELAPSED = r"\d+:\d\d(:\d{1,2}(\.\d+)?)?|-?\d+ days?( \d\d:\d\d:\d\d(\.\d+)?)?"
+_ELAPSED = r"\d+:\d\d(:\d{1,2}(\.\d+)?)?|-?\d+ ?d(?:ays?)?,?( \d\d:\d\d:\d\d(\.\d+)?)?"
 DAYS = {"excel": 25_569.0, "matlab": 719_529.0, "mjd": 40_587.0, "jd": 2_440_587.5}
 """Count of days -> its number of 1970-01-01."""
 SINCE_1970 = {"unix": 1.0, "unix ms": 1e-3, "unix us": 1e-6, "unix ns": 1e-9}
@@ -62,7 +62,7 @@ _EARLY, _LATE = 10_957.0, 27_394.0
 """Days from 1970 to 2000 and to 2045: numbers between them may be dates."""
 _TIME_NAMES = re.compile(
     r"time|zeit|date|datum|stamp|^ts$|_ts$|^t$|epoch|unix|elapsed|uptime|seconds?$|sekunden$|millis|fecha|heure|horod"
-    r"|mjd|^jd|datenum|hhmm|x_value|temps$|^t_(?:ms|s|min|h)$|^\W*(h|min|minutes|minuten|stunden)\W*$",
+    r"|mjd|^jd|datenum|hhmm|x_value|temps$|^ms$|^t_(?:ms|s|min|h)$|^\W*(h|min|minutes|minuten|stunden)\W*$",
     re.IGNORECASE,
 )
 """Names that numbers have which are times."""
@@ -131,7 +131,7 @@ class Clock:
                 return pd.DatetimeIndex(pd.to_datetime(text, format="ISO8601", errors="coerce"))
         text = _in_english(text)
         if self.format in ("elapsed", "mm:ss"):
-            text = text.where(text.str.contains(":|day", na=False))
+            text = text.where(text.str.contains(":|d", na=False))
             text = "00:" + text if self.format == "mm:ss" else text.where(text.str.count(":") != 1, text + ":00")
             return pd.Index(pd.to_timedelta(text, errors="coerce").dt.total_seconds())
         return self._strptime(text)
@@ -205,6 +205,7 @@ def _in_english(text: pd.Series) -> pd.Series:
         ("utc|gmt|z", r" ?(?:UTC|GMT|[Zz])$", "Z"),
         (r"(^| )[^\W\d_]{2,3}\.?,? \d", r"^[^\W\d_]{2,3}\.?,? ", ""),  # the day of the week
         (r"\d\.?[- ]?[^\W\d_]{3}|[^\W\d_]{3,} \d+,? \d{4}", _MONTH, _month),
+        (r":\d\d \d{4}( |$)", r"^([A-Za-z]{3}) +(\d+) ([\d:]+) (\d{4})$", r"\2 \1 \4 \3"),  # as C writes it
         (r":\d\d[,:]\d{3}", r"(:\d\d)[,:](\d{3,9})", r"\1.\2"),
         (r", |  |\dt\d|_", r",? +|(?<=\d)[Tt](?=\d)|(?<=\d)_(?=\d)", " "),
     ):
@@ -227,7 +228,9 @@ def _formats(cell: str) -> list[str]:
             tail = re.fullmatch(clock + r"(?P<half> [ap]m)?(?P<zone>Z| ?[-+]\d\d:?\d\d)?", rest[len(gap) :], re.I)
             if date and tail and (gap or not shape or not clock or re.fullmatch(r"\d{14}|\d{12}", cell)):
                 hour = "" if not clock else "%I" if tail["half"] else "%H"
-                end = (" %p" if tail["half"] else "") + ("%z" if tail["zone"] else "")
+                end = (" %p" if tail["half"] else "") + (
+                    (" " if tail["zone"][0] == " " else "") + "%z" if tail["zone"] else ""
+                )
                 return [one.format(s=date.groupdict().get("s")) + gap + hour + form + end for one in forms]
     return []
 
@@ -276,7 +279,9 @@ def unwrapped(times: pd.Index, clock: Clock, last: float | None = None) -> pd.In
         return times
     values = as_seconds(times)
     turns = np.cumsum(np.diff(values, prepend=values[:1] if last is None else [last % 86_400]) < -43_200)
-    return pd.Index(values + 86_400.0 * (turns + (0 if last is None else last // 86_400)))
+    days = turns + (0 if last is None else last // 86_400)
+    whole: pd.Index = pd.Index(values + 86_400.0 * days)
+    return whole
 
 
 def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said: Options) -> Clock | None:
@@ -307,7 +312,8 @@ def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said:
 
 
 def _may_count(name: str) -> bool:
-    return bool(_TIME_NAMES.search(name)) and not COUNTERS.match(name) and name != "T"
+    bare = re.split(r"[\[(]", name)[0].strip()
+    return bool(_TIME_NAMES.search(name) or _TIME_NAMES.search(bare)) and not COUNTERS.match(name) and bare != "T"
 
 
 def _is_even(column: pd.Series) -> bool:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing, option, quoted, times_word
-from .cells import NO_VALUE, as_numbers, is_number, says_something, split
+from .cells import COMMENTS, NO_VALUE, as_numbers, is_number, says_something, split
 from .clocks import Clock
 from .lines import STAMPED, Template, rows_of
 
@@ -78,7 +78,8 @@ class Form:
 
     def _is_plain(self, text: str, content: bytes) -> bool:
         """True if every line is a row: no comments, quotes, header again or empty ones, all of the same width."""
-        if self.separator == " " or len(self.names) < 2 or '"' in text or "\n#" in text or text.startswith("#"):
+        comments = any(mark[0] in text and f"\n{mark}" in text for mark in COMMENTS) or text.startswith(COMMENTS)
+        if self.separator == " " or len(self.names) < 2 or '"' in text or comments:
             return False
         if self.header and self.header in text:
             return False
@@ -92,7 +93,7 @@ class Form:
         blanks = self.separator + " \t"
         for k, one in enumerate(lines):
             bare = one.strip(blanks)
-            if not bare or one.startswith("#") or (self.header and one.strip() == self.header):
+            if not bare or one.startswith(COMMENTS) or (self.header and one.strip() == self.header):
                 continue
             if '"' not in one and self.separator != " ":
                 width = one.count(self.separator) + 1

@@ -96,7 +96,9 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
     stamped = len(STAMPED.findall(head)) > 0.8 * (head.count("\n") + 1)
     shown = STAMPED.sub(r"\1,", head) if stamped else head
     found = Form(separator=JSON, header=JSON) if text.lstrip().startswith("{") else find_table(shown, said)
-    if found is None or (not (found.header or said.names) and (found.separator == " " or stamped)):
+    blanks = found is not None and found.separator == " "
+    wordy = blanks and re.search(r"[^\W\d]\w* ?[:=]", shown.rstrip().rpartition("\n")[2]) is not None
+    if found is None or (not said.names and (wordy or (not found.header and (blanks or stamped)))):
         templates, units = find_templates(shown)
         names = list(dict.fromkeys(name for _, names in templates for name in names if name))
         found = Form(separator="", templates=templates, units=units, names=names) if templates else found

@@ -9,7 +9,7 @@ from dataclasses import replace
 from ..records import RecordError
 from ..records.errors import option, quoted, times_word
 from ..records.units import unit_of_text
-from .cells import MOMENT, NUMBER, SAID_EMPTY, is_typed, split
+from .cells import COMMENTS, MOMENT, NUMBER, SAID_EMPTY, is_typed, split
 from .clocks import COUNTERS, SPANS
 from .form import Form
 from .options import Options
@@ -24,7 +24,7 @@ def find_table(text: str, said: Options) -> Form | None:
     The later half of the first lines is asked: there is no preamble there. None where nothing separates.
     """
     lines = text[:HEAD].split("\n")[:3000]
-    filled = [line for line in lines if line.strip() and not line.startswith("#")]
+    filled = [line for line in lines if line.strip() and not line.startswith(COMMENTS)]
     sample = filled[len(filled) // 2 :][:40]
     best, found, typed_at = (0.4, 0.0), None, list[int]()
     for separator in (said.sep,) if said.sep else ",;\t| ":
@@ -58,7 +58,7 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
         fits = [is_typed(cell, form.decimal) for cell in some] or [False]
         return fits[0] * sum(fits) / len(fits)
 
-    real = [k for k, line in enumerate(lines) if line.strip(separator + " \t") and not line.startswith("#")]
+    real = [k for k, line in enumerate(lines) if line.strip(separator + " \t") and not line.startswith(COMMENTS)]
     first = next(
         (a for a, b in zip(real, [*real[1:], real[-1]], strict=True) if typed(a) > 0.5 and typed(b) > 0.5), None
     )
@@ -68,7 +68,7 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
         )
     heads: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
-        cells = split(lines[k] if k in real else lines[k].lstrip("#% "), separator)
+        cells = split(lines[k] if k in real else lines[k].lstrip("#%/ "), separator)
         filled = len(cells) - next((j for j, cell in enumerate(reversed(cells)) if cell), 0)
         words = not any(re.fullmatch(NUMBER[form.decimal], cell) for cell in cells if cell)
         if words and (len(cells) == width or (filled in (width - 1, width, width + 1) and filled > 1)):
