@@ -29,7 +29,7 @@ from corpus.foreign_logs import (
     understood,
 )
 
-from thermocorr import DynamicBiasRegressor, RecordError, read_log
+from thermocorr import DynamicBiasRegressor, RecordError, load_model, read_log
 from thermocorr.command.cli import main
 from thermocorr.readers import guess
 from thermocorr.readers.growing import Growing
@@ -77,7 +77,7 @@ def test_a_file_is_read_with_its_numbers_and_as_it_grows(group, name, written):
     if form.long:
         return
     numbers = [column for column in form.numbers if column in log]
-    growing, content, parts = Growing(form, numbers, None, False), unpacked(path.read_bytes(), path), []
+    growing, content, parts = Growing(form, numbers), unpacked(path.read_bytes(), path), []
     draw = random.Random(name)
     while content:
         piece, content = content[: (size := draw.choice([1, 7, 40, 200, 1000]))], content[size:]
@@ -91,19 +91,30 @@ def test_a_file_is_read_with_its_numbers_and_as_it_grows(group, name, written):
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.long] if k % 4 else []) for k, name in enumerate(GOOD)]
 )
-def test_both_commands_read_it_alike(name, written, capsys):
-    """`correct` gives the rows of `analyze` whatever program wrote the log, and of its own result once more."""
+def test_both_commands_read_it_alike(name, written, capsys, monkeypatch):
+    """`correct` gives the rows of `analyze` whatever program wrote the log: whole, its own result, and as it comes."""
     content, ending, _, columns = kind_of_log(GOOD, name)
     path, out = written(content, ending), written("", "x").parent / "out"
     options = [f"--{role}={column}" for role, column in columns.items()]
     assert main(["analyze", str(path), *options, "--time-constants", "5min", "--out", str(out)]) == 0
     analysed = pd.read_csv(out / "corrected.csv")
-    for log in (path, out / "corrected.csv"):
+    shown = []
+    for log in (path, out / "corrected.csv", "-"):
         capsys.readouterr()
-        assert main(["correct", str(log), "--model", str(out / "model.json")]) in (0, 1)
-        shown = pd.read_csv(io.StringIO(capsys.readouterr().out))
-        newest = [column for column in shown if column.startswith("corrected")][-1]
-        np.testing.assert_allclose(shown[newest], analysed["corrected"], rtol=0, atol=1e-9)
+        piped = path.parent / "piped"
+        piped.write_bytes(unpacked(path.read_bytes(), path))
+        with piped.open() as file:
+            monkeypatch.setattr("sys.stdin", file)
+            status = main(["correct", str(log), "--model", str(out / "model.json")])
+        if log == "-" and load_model(out / "model.json").form_.long:
+            assert status == 2  # one value a line
+            return
+        assert status in (0, 1)
+        shown.append(capsys.readouterr().out)
+        frame = pd.read_csv(io.StringIO(shown[-1]))
+        newest = [column for column in frame if column.startswith("corrected")][-1]
+        np.testing.assert_allclose(frame[newest], analysed["corrected"], rtol=0, atol=1e-9)
+    assert shown[0] == shown[2]  # to the last digit
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -349,14 +360,14 @@ def test_a_header_of_other_names_below_is_refused_however_one_insists(written):
             read_log(written(content), skip_bad_rows=skip)
     form = read_log(written(plain())).attrs["form"]
     with pytest.raises(RecordError, match="A header comes again with other names"):
-        Growing(form, ["reading"], None, False).feed(content.encode())
+        Growing(form, ["reading"]).feed(content.encode())
 
 
 def test_a_growing_log_whose_columns_change_places_is_followed(written):
     form = read_log(written(plain())).attrs["form"]
     turned = "reading,time,temperature\n1000.5,2024-05-31 01:00:00,23.5\n"
     for content in (turned, plain() + turned):
-        row = Growing(form, ["reading"], None, False).feed(content.encode())[0].iloc[-1]
+        row = Growing(form, ["reading"]).feed(content.encode())[0].iloc[-1]
         assert (row["temperature"], row["reading"]) == (23.5, 1000.5)
 
 

@@ -23,6 +23,7 @@ from ..files.model_file import load
 from ..files.result_files import write_csv
 from ..live.corrector import OnlineCorrector
 from ..readers import RUN, Options, read_logs
+from ..readers.clocks import Clock
 from ..readers.growing import Growing
 from ..records import RecordError, RecordWarning
 from ..records.errors import existing_file, listing, printable, quoted, times_word
@@ -253,8 +254,9 @@ def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
             "way."
         )
     kind = model.features_.history_.kind
-    time_column = None if kind == "rows" else options.time or str(model.time or "time")
-    log = Growing(model.form_, columns.needed, time_column, kind in ("seconds", "timedelta"))
+    form = {"datetime": "iso", "datetime with time zone": "iso utc"}.get(kind, "seconds")
+    clock = None if kind == "rows" else Clock([options.time or str(model.time or "time")], form)
+    log = Growing(model.form_, columns.needed, clock)
     flags, notes, begun = Counter[str](), 0, False
     with _opened(options.log) as source:
         for piece in _pieces(source, options.follow, options.log):

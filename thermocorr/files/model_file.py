@@ -309,6 +309,7 @@ def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
     model.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
     model.alpha_, model.search_, model.washout_ = ridge.alpha, None, node.washout
     model._known_ranges = np.array(node.ranges, float).reshape(-1, 2)
+    _require(node.form is None or node.form.is_sound(), f"{where}.form is none of a log")
     model.reading_, model.form_, model.notes_ = node.reading, node.form, tuple(node.notes)
     model._known_standard_errors = np.array(node.standard_errors, float)
     if errors is not None:

@@ -95,6 +95,18 @@ class Clock:
     fraction: str = ""
     """Column of parts of a second."""
 
+    def no_times(self) -> pd.Index:
+        """Times of the kind that it gives, none of them."""
+        zoned = self.zone or self.format in ("iso utc", *SINCE_1970) or "%z" in self.format
+        dated = (
+            self.format.startswith("iso")
+            or self.format in (*DAYS, "labview", "dates")
+            or re.search("%[dju]", self.format)
+        )
+        if not zoned and not dated:
+            return pd.TimedeltaIndex([], name="time")
+        return pd.DatetimeIndex([], tz="UTC" if zoned else None, name="time")
+
     def times(self, frame: pd.DataFrame) -> pd.Index:
         """Dates as they are written, or seconds; NaT or NaN where a cell is not written so."""
         times = self._whole(frame)

@@ -15,6 +15,7 @@ from ..records.errors import listing, option, quoted, times_word
 from .cells import COMMENTS, NO_VALUE, as_numbers, is_number, says_something, split
 from .clocks import Clock
 from .lines import STAMPED, Template, rows_of
+from .options import SEPARATORS
 
 _DIGITS: Any = {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 """How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
@@ -41,6 +42,8 @@ class Form:
     templates: list[Template] = field(default_factory=list)
     stamped: bool = False
     """A monitor has written a time of day and an arrow before each line."""
+    columns: list[str] = field(default_factory=list)
+    """Columns that are kept, beside the times: not those that nothing is in."""
     numbers: list[str] = field(default_factory=list)
     """Columns of numbers."""
     missing: list[str] = field(default_factory=list)
@@ -140,19 +143,35 @@ class Form:
             frame[name] = values
         frame = frame.replace([np.inf, -np.inf], np.nan)
         if self.clock is None:
-            return frame.reset_index(drop=True), notes
+            return frame[self.columns].reset_index(drop=True), notes
         index = self.clock.times(frame)
         kept = np.asarray(pd.notna(index))
         self.refuse_header(frame[~kept])
-        gone = [column for column in (*self.clock.columns, self.clock.fraction) if column in frame]
         if not kept.all():
             cells = frame[self.clock.columns[0]][~kept]
             notes += [f"line {line} is left out: {quoted(str(cell))} is no time" for line, cell in cells.items()]
-        return frame.drop(columns=gone).set_axis(index)[kept], notes
+        return frame[self.columns].set_axis(index)[kept], notes
 
     def place(self, number: object) -> str:
         """A row of a log in words: its line, where the log is a text."""
         return f"line {number}" if self.names or self.separator == JSON else f"row {number}"
+
+    def is_sound(self) -> bool:
+        """True if its parts belong together; those of a file that somebody forged may not."""
+        clock, known = self.clock, set(self.names)
+        used = [
+            *self.columns,
+            *self.numbers,
+            *self.long,
+            *([] if clock is None else [*clock.columns, *filter(None, [clock.fraction])]),
+        ]
+        marks = (*SEPARATORS.values(), JSON, "")
+        return (
+            self.separator in marks
+            and self.decimal in (".", ",")
+            and len(known) == len(self.names)
+            and known >= set(used)
+        )
 
     def refuse_header(self, rows: pd.DataFrame) -> None:
         """Raise RecordError for rows that are a header of other columns: what stands below it may be anything."""

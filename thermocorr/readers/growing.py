@@ -27,18 +27,15 @@ class Growing:
     Parameters
     ----------
     form : Form, optional
-        Of the log that a model was fitted to; without one, plain CSV is read: commas, decimal points, and times of
-        ISO 8601 or seconds.
+        Of the log that a model was fitted to; without one, plain CSV is read: commas and decimal points.
     needed : sequence of str
-        Columns that a plain CSV must have.
-    time : str, optional
-        Column of times of a plain CSV; None for a log without times.
-    seconds : bool
-        True if these are seconds.
+        Columns of numbers that a plain CSV must have.
+    clock : Clock, optional
+        Times of a plain CSV; None for a log without times.
     """
 
-    def __init__(self, form: Form | None, needed: Sequence[str], time: str | None, seconds: bool):
-        self.form, self.needed, self.time, self.seconds = form, list(needed), time, seconds
+    def __init__(self, form: Form | None, needed: Sequence[str], clock: Clock | None = None):
+        self.form, self.needed, self.clock = form, list(needed), clock
         self.lines = 0
         """Lines read."""
         self.last: pd.Timestamp | pd.Timedelta | None = None
@@ -67,10 +64,8 @@ class Growing:
         """The log's columns without rows, as soon as they are known; None before."""
         if not self._begun or self.form is None:
             return None
-        clock = self.form.clock
-        gone = () if clock is None else (*clock.columns, clock.fraction)
-        index = pd.RangeIndex(0) if clock is None else pd.DatetimeIndex([], name="time")
-        return pd.DataFrame({name: pd.Series(dtype=float) for name in self.form.names if name not in gone}, index)
+        index = pd.RangeIndex(0) if self.form.clock is None else self.form.clock.no_times()
+        return pd.DataFrame({name: pd.Series(dtype=float) for name in self.form.columns}, index)
 
     @property
     def cut(self) -> bool:
@@ -100,10 +95,12 @@ class Growing:
                     )
         first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
         names = split(lines[first], ",")
-        wanted = [*self.needed, *([] if self.time is None else [self.time])]
+        times = [] if self.clock is None else self.clock.columns
+        wanted = [*self.needed, *times]
         if set(wanted) <= set(names):
-            clock = None if self.time is None else Clock([self.time], "seconds" if self.seconds else "iso")
-            self.form = Form(names=names, header=lines[first].strip(), below=1, numbers=self.needed, clock=clock)
+            columns = [name for name in names if name not in times]
+            head = lines[first].strip()
+            self.form = Form(names=names, header=head, below=1, columns=columns, numbers=self.needed, clock=self.clock)
             return sum(len(line) + 1 for line in lines[: first + 1])
         if len(lines) < _PREAMBLE and self.form is not None:
             return None
@@ -122,7 +119,7 @@ class Growing:
     def _rows(self, text: str) -> tuple[pd.DataFrame | None, list[str]]:
         form = self.form
         assert form is not None
-        if form.header and form.names[0] in text:  # the same names in another order
+        if form.header and form.names and form.names[0] in text:  # the same names in another order
             lines = text.split("\n")
             for k, line in enumerate(lines):
                 cells = split(line, form.separator) if form.names[0] in line else []

@@ -17,7 +17,7 @@ from ..records import RecordError
 from ..records.errors import existing_file, listing, option, quoted, times_word
 from ..records.times import steps_back_an_hour, summer_time_text
 from ..records.units import TEMPERATURES, unit_of, unit_of_text
-from .cells import MOMENT, as_numbers, is_number, refuse_thousands, says_something, varies
+from .cells import MOMENT, as_numbers, is_number, refuse_thousands, says_something, split, varies
 from .clocks import Clock, as_seconds, find_clock, unwrapped
 from .form import JSON, Form
 from .lines import STAMPED, find_templates
@@ -66,6 +66,8 @@ def _of_pandas(path: Path, said: Options) -> pd.DataFrame:
         sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
     except ImportError as error:
         raise RecordError(f"{path} needs another package: {error} Or save it as CSV, .xlsx or .parquet.") from None
+    except RecordError:
+        raise
     except Exception as error:  # whatever these parsers raise
         raise RecordError(f"{path} cannot be read as {path.suffix}: {' '.join(str(error).split())}.") from None
     filled = {name: cells for name, cells in sheets.items() if len(cells) > 1}
@@ -113,11 +115,11 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
     notes += ["in Windows-1252, as far as one can tell"] if encoding == "cp1252" else []
     notes += [_SAID[form.separator]] if _SAID[form.separator] else []
     notes += ["decimal comma"] if form.decimal == "," else []
-    notes += (
-        [f"{times_word(above - form.below, 'line')} above the header"] if form.header and above > form.below else []
-    )
+    preamble = above - form.below if form.header else 0
+    notes += [f"{times_word(preamble, 'line')} above the header"] if preamble > 0 else []
     headless = not form.header and not said.names and not form.templates
     notes += [f"no header: columns are called 1, 2, ...; {option('names')} calls them otherwise"] if headless else []
+    form.names = form.names or list(map(str, frame))
     if not len(frame):
         raise RecordError(f"It has a header ({listing(form.names)}) but no rows.")
     return _finished(frame, form, said, cut + notes)
@@ -144,6 +146,8 @@ def start_of(text: str, form: Form) -> int | None:
     at = next(headers, None) if form.header else 0
     if at is None or len(lines) <= at + form.below:
         return None
+    if not form.header and len(split(lines[form.below], form.separator)) != len(form.names):
+        return None
     return sum(len(line) + 1 for line in lines[: at + form.below])
 
 
@@ -163,6 +167,7 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
         series = frame if not form.long else frame[frame[form.long[0]] == frame[form.long[0]].iloc[0]]
         form.clock = find_clock(series, form.units, not form.header, said)
     frame = _indexed(frame, form, said, notes)
+    form.columns = list(map(str, frame))
     if form.long:
         frame = _widened(frame, form, said, notes)
     frame = _in_order(frame, said, notes) if said.skip_bad_rows and form.clock is not None else frame
@@ -180,6 +185,7 @@ def timed(frame: pd.DataFrame, said: Options) -> pd.DataFrame:
     found = find_clock(frame, form.units, False, said)
     form = replace(form, clock=found)
     indexed = _indexed(frame, form, said, notes)
+    form.columns = list(map(str, indexed))
     indexed.attrs = {**frame.attrs, "notes": notes, "form": form}
     return indexed
 
