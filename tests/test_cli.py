@@ -180,7 +180,7 @@ GERMAN = {"sep": ";", "decimal": ",", "date_format": "%d.%m.%Y %H:%M:%S"}
     [
         ("", GERMAN, (), "2024-03-04 00:00:00"),
         ("", GERMAN, ("--timezone", "Europe/Berlin"), "2024-03-03 23:00:00+00:00"),
-        ("Europe/Berlin", {}, (), "2024-03-04 00:00:00+01:00"),
+        ("Europe/Berlin", {}, (), "2024-03-03 23:00:00+00:00"),
     ],
 )
 def test_a_corrected_log_is_plain_csv_that_both_commands_read_again(tmp_path, capsys, stamped, written, options, first):

@@ -18,7 +18,8 @@ from ..records.units import DEGREES, TEMPERATURES, name_and_unit, unit_of
 
 READINGS = re.compile(
     r"reading|measur|dmm|bridge|brücke|messwert|anzeige|spannung|widerstand|tension|voltage|volt|resist|value|output"
-    r"|frequency|freq|weight|gewicht|load|force|kraft|strain|tilt|mass|poids|peso|^lc[_ ]?\d*|^[uvr]$",
+    r"|frequency|freq|weight|gewicht|load|force|kraft|strain|tilt|mass|poids|peso|level|(?<![a-z])(?:head|dut)(?![a-z])"
+    r"|^lc[_ ]?\d*|^[uvr]$",
     re.IGNORECASE,
 )
 """Names that readings go by."""

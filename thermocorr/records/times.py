@@ -456,16 +456,6 @@ def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
         )
 
 
-def dates_once(values: pd.Series[Any]) -> pd.Series[Any]:
-    """A column of times with its text read as dates, for records that are read many times; others as they are."""
-    if values.ndim == 1 and kind_of(values) == "text":
-        try:
-            return _parse(values, "")
-        except RecordError:  # whoever reads the record says it in its words
-            pass
-    return values
-
-
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
     """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
     known = () if isinstance(values.dtype, pd.StringDtype) else values
