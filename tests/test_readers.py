@@ -394,6 +394,7 @@ def test_a_file_that_unpacks_without_end_is_refused(written, monkeypatch, ending
         read_log(written(out.getvalue(), f"bomb.{ending}"))
 
 
+@pytest.mark.newest  # older ones copy columns
 def test_a_log_in_parts_is_fitted_like_the_whole_in_less_memory():
     n = 1_000_000
     t = np.arange(n, dtype=float)

@@ -61,7 +61,8 @@ FRACTIONS = re.compile(r"ms|msec|millis.*|fraction.*", re.IGNORECASE)
 _EARLY, _LATE = 10_957.0, 27_394.0
 """Days from 1970 to 2000 and to 2045: numbers between them may be dates."""
 _TIME_NAMES = re.compile(
-    r"time|zeit|date|datum|stamp|^ts$|_ts$|^t$|epoch|unix|elapsed|uptime|seconds?$|sekunden$|millis|fecha|heure|horod"
+    r"time|zeit|date|datum|stamp|^ts$|_ts$|^t$|epoch|unix|elapsed|uptime"
+    r"|seconds?(?: since|$)|sekunden$|millis|fecha|heure|horod"
     r"|mjd|^jd|datenum|hhmm|x_value|temps$|^ms$|^t_(?:ms|s|min|h)$|^\W*(h|min|minutes|minuten|stunden)\W*$",
     re.IGNORECASE,
 )
@@ -73,7 +74,7 @@ _DAYTIME = re.compile(r"hhmm|time|zeit|clock", re.IGNORECASE)
 _NOW = ("now", "today", "Now", "Today", "NOW", "TODAY")
 """Words that pandas takes for times."""
 _ZONED = r":\d\d(?:[.,]\d+)? ?(?:Z|UTC|[-+]\d\d:?(?:\d\d)?)$"
-_LOCAL = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?"
+_LOCAL = r"\d{4}-?\d\d-?\d\d(?:[T ]\d\d:?\d\d(?::?\d\d(?:[.,]\d+)?)?)?"
 _MIDNIGHT = r"[ T]00:00(?::00)?(?:\.0+)?$"
 _MONTH = r"(?<=\d)\.?[- ]*([^\W\d_]{3})[^\W\d_]*[- ,.]+(?=\d)|^([^\W\d_]{3})[^\W\d_]* (\d+),? (?=\d{4})"
 _ZONE_IN_NAME = re.compile(r"(?:^|[\s\[(<,])(?:UTC|GMT)\s?(?P<offset>[+-]\d{1,2}(?::?\d{2})?)?(?:$|[\s\])>])")
@@ -135,12 +136,10 @@ class Clock:
         if self.format.startswith("iso"):
             utc = self.format == "iso utc"
             text = text.mask(text.isin(_NOW))
-            try:
-                text = text.where(text.str.contains(_ZONED)) if utc else text
-                return pd.DatetimeIndex(pd.to_datetime(text, format="ISO8601", errors="coerce", utc=utc))
-            except ValueError:  # some have a zone, and others none
-                text = text.where(text.str.fullmatch(_LOCAL, na=False))
-                return pd.DatetimeIndex(pd.to_datetime(text, format="ISO8601", errors="coerce"))
+            if utc or text.str.len().nunique() > 1:  # some may have a zone, and others none
+                text = text.where(text.str.contains(_ZONED, na=False) if utc else text.str.fullmatch(_LOCAL, na=False))
+            times = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=utc)
+            return pd.DatetimeIndex(times) if times.dtype.kind == "M" else pd.DatetimeIndex([pd.NaT] * len(times))
         text = _in_english(text)
         if self.format in ("elapsed", "mm:ss"):
             text = text.where(text.str.contains(":|d", na=False))

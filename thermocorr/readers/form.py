@@ -60,7 +60,10 @@ class Form:
         """
         if self.separator == JSON:
             try:
-                return pd.json_normalize([json.loads(one) for one in text.split("\n") if one.strip()]), []
+                whole = text.lstrip().startswith("[")
+                return pd.json_normalize(
+                    json.loads(text) if whole else list(map(json.loads, filter(str.strip, text.split("\n"))))
+                ), []
             except ValueError as error:
                 raise RecordError(f"A line is no JSON: {error}.") from None
         text = STAMPED.sub(r"\1,", text) if self.stamped else text

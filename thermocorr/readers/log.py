@@ -97,10 +97,11 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
     head = text[:HEAD]
     stamped = len(STAMPED.findall(head)) > 0.8 * (head.count("\n") + 1)
     shown = STAMPED.sub(r"\1,", head) if stamped else head
-    found = Form(separator=JSON, header=JSON) if text.lstrip().startswith("{") else find_table(shown, said)
+    found = Form(separator=JSON, header=JSON) if text.lstrip().startswith(("{", "[{")) else find_table(shown, said)
     blanks = found is not None and found.separator == " "
-    wordy = blanks and re.search(r"[^\W\d]\w* ?[:=]", shown.rstrip().rpartition("\n")[2]) is not None
-    if found is None or (not said.names and (wordy or (not found.header and (blanks or stamped)))):
+    wordy = re.search(r"[^\W\d]\w* ?[:=]", shown.rstrip().rpartition("\n")[2]) is not None
+    bare = found is not None and not found.header and (blanks or stamped or wordy)
+    if found is None or (not said.names and (bare or (blanks and wordy))):
         templates, units = find_templates(shown)
         names = list(dict.fromkeys(name for _, names in templates for name in names if name))
         found = Form(separator="", templates=templates, units=units, names=names) if templates else found
@@ -128,7 +129,7 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
 def _whole_lines(text: str) -> tuple[str, list[str]]:
     """The text without a last line that has no end: a number in it may have been cut."""
     end = text.rfind("\n") + 1
-    if end == len(text) or not text[end:].strip() or end == 0:
+    if end == len(text) or not text[end:].strip() or end == 0 or text.lstrip().startswith("[{"):
         return text, []
     return text[:end], ["the last line is left out: it has no line end, and may have been cut while it was written"]
 
@@ -136,7 +137,7 @@ def _whole_lines(text: str) -> tuple[str, list[str]]:
 def start_of(text: str, form: Form) -> int | None:
     """Where the first row of a text begins, if it is written in this form; None if it is not."""
     if form.separator == JSON:
-        return 0 if text.lstrip().startswith("{") else None
+        return 0 if text.lstrip().startswith(("{", "[{")) else None
     if form.templates:
         some = [line for line in text[:HEAD].split("\n")[:100] if line.strip()]
         rows = form.cells("\n".join(some), 1, True, 1.0)[0] if some else ()
@@ -194,6 +195,7 @@ def _indexed(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -
     """The frame with its times as the index, in place of their columns."""
     frame, index = _with_times(frame, form, said, notes)
     if form.clock is None:
+        notes.append("no column of times found")
         return frame.reset_index(drop=True)
     if not form.clock.format.startswith(("iso", "dates", "seconds")):
         notes.append(f"times from {' and '.join(map(quoted, form.clock.columns))} as {form.clock.format}")

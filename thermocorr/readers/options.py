@@ -27,7 +27,6 @@ class Options:
     time: str | None = None
     time_format: str | None = None
     timezone: str | None = None
-    sampling_period: str | float | None = None
     reading: str | None = None
     run: str | None = None
     others: tuple[str, ...] = ()
