@@ -204,6 +204,13 @@ def test_what_is_left_out_is_counted_and_named(written):
     assert log.attrs["notes"] == ["sorted by time: 40 rows moved"]
 
 
+def test_rows_of_runs_stay_with_their_run(written):
+    """Two runs at the same times of day: none of their rows is one of the other's for the second time."""
+    rows = [f"{run},{k}:00,{20 + k},{k}" for run in "ab" for k in range(10)]
+    log = read_log(written("run,time,temperature,reading\n" + "\n".join([*rows, rows[-1]]) + "\n"), skip_bad_rows=True)
+    assert log["run"].tolist() == ["a"] * 10 + ["b"] * 10
+
+
 def test_day_and_month_are_told_apart_by_the_order_of_the_rows_or_by_the_user(written):
     """Twelve-hour steps through May: read the other way, the rows would step back."""
     np.testing.assert_allclose(understood(written(plain(DAY, times=LONGER)))[3], 43_200.0 * np.arange(N))

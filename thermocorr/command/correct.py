@@ -256,7 +256,7 @@ def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
     kind = model.features_.history_.kind
     form = {"datetime": "iso", "datetime with time zone": "iso utc"}.get(kind, "seconds")
     clock = None if kind == "rows" else Clock([options.time or str(model.time or "time")], form)
-    log = Growing(model.form_, columns.needed, clock)
+    log = Growing(None if options.time else model.form_, columns.needed, clock)
     flags, notes, begun = Counter[str](), 0, False
     with _opened(options.log) as source:
         for piece in _pieces(source, options.follow, options.log):

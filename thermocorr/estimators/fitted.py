@@ -20,7 +20,7 @@ from ..readers.form import Form
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, Doubt
 from ..records.numbers import as_data, is_frame, numeric_column, numeric_reading
-from ..records.screen import LeftOut
+from ..records.screen import left_out
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
@@ -380,8 +380,7 @@ class FittedModel:
         rows = rows[np.argsort(-error, kind="stable")[: int(MOST_SPOILT * record.n_used)]]
         if not len(rows):
             return record
-        reading: Any = LeftOut(record.reading, np.unique(rows))
-        return replace(record, reading=reading)
+        return replace(record, reading=left_out(record.reading, rows))
 
     def _mark_doubted(self, flags: Flags, block: Block) -> None:
         """Flag a block's rows where what is not known of the inputs matters."""

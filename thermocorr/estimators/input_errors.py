@@ -24,7 +24,6 @@ from ..equations.lags import bridge_error
 from ..records import Block, Record, SegmentStart
 from ..records.errors import option, times_word
 from ..records.gaps import Gaps, least_gap, longest_gap
-from ..records.screen import LeftOut
 
 
 @dataclass(frozen=True)
@@ -326,8 +325,8 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
     """A sentence on readings that gaps have spoilt; none where there are none."""
     if believed is record:
         return []
-    assert record.reading is not None and isinstance(believed.reading, LeftOut)
-    count = int(np.isfinite(np.asarray(record.reading[believed.reading.rows], float)).sum())
+    assert record.reading is not None and believed.reading is not None
+    count = int((np.isfinite(record.reading) & np.isnan(believed.reading)).sum())
     if not count:
         return []
     return [

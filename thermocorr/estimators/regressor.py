@@ -151,7 +151,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns), or Record
+        X : DataFrame or array of shape (n_rows, n_columns)
             Temperature and whatever else was recorded; `thermocorr.records.read_record` reads it once for all.
         y : array-like of shape (n_rows,)
             Readings; rows with NaN are left out of the fit, not of the lags.

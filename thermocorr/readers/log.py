@@ -22,7 +22,7 @@ from .clocks import Clock, as_seconds, find_clock, unwrapped
 from .form import JSON, Form
 from .lines import STAMPED, find_templates
 from .options import Options
-from .roles import RUN, called_readings
+from .roles import RUN, called_readings, run_among
 from .table import HEAD, find_table
 from .text import decoded, unpacked
 
@@ -294,24 +294,26 @@ def _in_utc(times: pd.DatetimeIndex, clock: Clock, said: Options, notes: list[st
 
 def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFrame:
     """The rows sorted by time, the first of those with one time; of runs each by itself."""
-    _refuse_two_hours(frame, said)
-    keys = pd.DataFrame({"run": frame.get(said.run, 0), "time": frame.index}, frame.index)
+    run = said.run or run_among(list(map(str, frame)))
+    if run not in frame:
+        _refuse_two_hours(frame)
+    keys = pd.DataFrame({"run": frame.get(run, 0), "time": frame.index}, frame.index)
     again = keys.duplicated().to_numpy()
     if again.any():
         notes.append(f"{times_word(int(again.sum()), 'row')} with the time of one before left out")
         frame = frame[~again]
-    if said.run not in frame and not frame.index.is_monotonic_increasing:
+    if run not in frame and not frame.index.is_monotonic_increasing:
         order = np.argsort(frame.index, kind="stable")
         notes.append(f"sorted by time: {times_word(int((order != np.arange(len(order))).sum()), 'row')} moved")
         frame = frame.iloc[order]
     return frame
 
 
-def _refuse_two_hours(frame: pd.DataFrame, said: Options) -> None:
+def _refuse_two_hours(frame: pd.DataFrame) -> None:
     """Raise RecordError for local times that go on an hour earlier: sorting would mix the hours."""
     steps = np.diff(as_seconds(frame.index))
     back = np.flatnonzero(steps < 0)
-    local = isinstance(frame.index, pd.DatetimeIndex) and frame.index.tz is None and said.run not in frame
+    local = isinstance(frame.index, pd.DatetimeIndex) and frame.index.tz is None
     if not local or len(back) != 1 or back[0] + 1 >= len(steps):
         return
     row, usual = int(back[0]), float(np.median(np.abs(steps)))

@@ -86,8 +86,7 @@ def guess(
     why: dict[str, str] = {}
     in_doubt: dict[str, tuple[str, ...]] = {}
     given = {name for name in (temperature, reading, reference, run) if name}
-    if run is None:
-        run = next((str(c) for c in frame.columns if str(c).strip().lower() in RUNS and str(c) not in given), None)
+    run = run or run_among([str(name) for name in frame.columns if str(name) not in given])
     words = frame.attrs.get("words", {})
     numbers = [str(c) for c in frame.columns if kind_of(frame[c]) == "number" or str(c) in words]
     numbers = [
@@ -145,6 +144,11 @@ def guess(
                 f"pass over them with {option('skip_bad_rows', 'True')}."
             )
     return Roles(told["temperature"], told["reading"], run, in_doubt, why)
+
+
+def run_among(names: Sequence[str]) -> str | None:
+    """The column of labels of runs, by its name."""
+    return next((name for name in names if name.strip().lower() in RUNS), None)
 
 
 def called_readings(names: Sequence[str]) -> list[str]:

@@ -47,7 +47,7 @@ def read_record(X: Any, layout: Layout, *, y: Any = None, needed: Sequence[objec
 
     Parameters
     ----------
-    X : DataFrame or array of shape (n_rows, n_columns), or Record
+    X : DataFrame or array of shape (n_rows, n_columns)
         Times come from the column `layout.time`, else from an index of dates, periods, spans or dates in text, else
         rows are `sampling_period` apart. The temperature is the column `layout.temperature`, else the one called
         "temperature", else the first.

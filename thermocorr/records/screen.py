@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,18 +81,17 @@ def reading_of(y: Any, X: Any, reference: object = None) -> tuple[NDArray[Any] |
         return None, None
     weight = y.weight if isinstance(y, WeightedReading) else None
     reading = error_of(y.y if isinstance(y, WeightedReading) else y, X, reference)
-    return (reading if weight is None else cast(Any, LeftOut(reading, np.flatnonzero(weight == 0)))), weight
+    return (reading if weight is None else left_out(reading, np.flatnonzero(weight == 0))), weight
 
 
 def error_of(y: Any, X: Any, reference: object = None) -> NDArray[Any]:
-    """Readings as numbers; with a `reference`, a column of X, less its values, read in pieces as readings are."""
+    """Readings as numbers; with a `reference`, a column of X, less its values."""
     reading = numeric_reading(y, X)
     if reference is None:
         return reading
     if not is_frame(X):
         raise RecordError("A reference is a named column. Pass a DataFrame, for example pandas.DataFrame(X).")
-    less: Any = Less(reading, numeric_column(X, reference, "reference"))
-    return cast(NDArray[Any], less)
+    return np.asarray(reading - numeric_column(X, reference, "reference"), float)
 
 
 SAMPLES, SAMPLE_ROWS = 16, 256
@@ -326,9 +325,7 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
             start = stop - ends[number] + place
             parts.append((start, min(start + SAMPLE_ROWS, stop)))
     rows = [record.rows(start, stop) for start, stop in parts]
-    together = getattr(column, "stretches", None)  # of columns that are far away, to be asked once
-    found = [column[some] for some in rows] if together is None else together(rows)
-    return [np.asarray(values, float) for values in found]
+    return [np.asarray(column[some], float) for some in rows]
 
 
 def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
@@ -360,8 +357,7 @@ def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: 
     seconds = record.times.seconds(rows, record.first_stamp())
     refused = (*record.refused, Refused(what, reason, rows, np.asarray(values[rows], float), seconds))
     if of_reading:
-        reading: Any = LeftOut(record.reading, np.sort(rows))
-        return replace(record, reading=reading, refused=refused)
+        return replace(record, reading=left_out(values, rows), refused=refused)
     cut = replace(record, refused=refused).passing_over(positions, max_gap)
     if not cut.segments:
         raise RecordError(
@@ -371,50 +367,11 @@ def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: 
     return cut
 
 
-class Less:
-    """A column less another one; read when it is sliced."""
-
-    ndim = 1
-    dtype = np.dtype(float)
-
-    def __init__(self, column: Any, other: Any):
-        self.column, self.other = column, other
-
-    def __len__(self) -> int:
-        return len(self.column)
-
-    def __getitem__(self, rows: Any) -> Any:
-        return np.asarray(self.column[rows], float) - np.asarray(self.other[rows], float)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.asarray(self[:], dtype)
-
-
-class LeftOut:
-    """A column in which some rows are missing; read when it is sliced."""
-
-    ndim = 1
-    dtype = np.dtype(float)
-
-    def __init__(self, column: Any, rows: Rows):
-        self.column, self.rows = column, rows
-
-    def __len__(self) -> int:
-        return len(self.column)
-
-    def __getitem__(self, rows: Any) -> Any:
-        """Rows of the column: a slice, or row numbers."""
-        values = np.array(self.column[rows], float)
-        if isinstance(rows, slice):
-            start, stop, _ = rows.indices(len(self))
-            inside = self.rows[np.searchsorted(self.rows, start) : np.searchsorted(self.rows, stop)]
-            values[inside - start] = np.nan
-        elif np.isin(rows, self.rows).any():
-            values = np.where(np.isin(rows, self.rows), np.nan, values)
-        return values
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.asarray(self[:], dtype)
+def left_out(values: NDArray[Any], rows: Rows) -> Floats:
+    """A copy of a column in which some rows are missing."""
+    kept = np.array(values, float)
+    kept[rows] = np.nan
+    return kept
 
 
 def _seldom(record: Record, repeats: Rows) -> str:

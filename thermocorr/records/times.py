@@ -270,7 +270,7 @@ class Times:
     @cached_property
     def _even_ticks(self) -> Any:
         """`even_step` in ticks: then the first and the last time are the least and the greatest."""
-        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
+        if self.ticks is None or self.kind == "rows" or self.n < 2:
             return None
         first, second, last = (self.ticks[k].item() for k in (0, 1, -1))
         step = second - first
@@ -287,7 +287,7 @@ class Times:
         """
         if self.ticks is None:
             return self.period
-        if not isinstance(self.ticks, np.ndarray) or self.kind == "rows" or self.n < 2:
+        if self.kind == "rows" or self.n < 2:
             return np.inf
         if self.even_step is not None:
             return self.even_step
