@@ -16,9 +16,6 @@ from .hints import Column
 from .segments import Segment, SegmentStart, holes
 from .times import Floats, Rows, Times
 
-ROWS_AT_ONCE = 8192
-"""Readings that are looked at together."""
-
 
 def where_read(reading: Any, n: int, rows: Callable[[int, int], Any]) -> tuple[int, int]:
     """Positions of the first reading and behind the last one; those of the whole record where these hold half of it.
@@ -30,20 +27,11 @@ def where_read(reading: Any, n: int, rows: Callable[[int, int], Any]) -> tuple[i
     """
     if reading is None:
         return 0, n
-    starts = range(0, n, ROWS_AT_ONCE)
-    first, last = next(_known(reading, n, rows, starts), None), next(_known(reading, n, rows, reversed(starts)), None)
-    if first is None or last is None:
+    known = np.isfinite(np.asarray(reading[rows(0, n)], float))
+    if not known.any():
         return 0, n
-    low, high = int(first[0]), int(last[-1]) + 1
+    low, high = int(known.argmax()), n - int(known[::-1].argmax())
     return (low, high) if 2 * (high - low) < n else (0, n)
-
-
-def _known(reading: Any, n: int, rows: Callable[[int, int], Any], starts: Iterable[int]) -> Iterator[NDArray[np.intp]]:
-    """Positions of the readings, block by block, of blocks that have any."""
-    for start in starts:
-        known = np.flatnonzero(np.isfinite(np.asarray(reading[rows(start, min(start + ROWS_AT_ONCE, n))], float)))
-        if len(known):
-            yield start + known
 
 
 BLOCK_ROWS = 8192
