@@ -136,6 +136,33 @@ def test_bad_lines_of_a_stream_are_named_and_left_out(lab, tmp_path, capsys, mon
         assert f"thermocorr: {words}" in printed.err
 
 
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ("", "The log is empty"),
+        ("time,temperature\n", "The log has no column 'reading'"),
+        ("time;temperature;humidity;reading\n1;2;3;4\n", "Give it as a whole file to read another form"),
+    ],
+)
+def test_a_stream_that_is_no_such_log_is_refused_when_it_ends(lab, lines, said, tmp_path, capsys, monkeypatch):
+    assert piped(lab, lines, monkeypatch, tmp_path) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err and printed.out == ""
+
+
+def test_a_word_in_a_file_is_asked_back_with_an_option_that_works(lab, tmp_path, capsys):
+    _, model, log = lab
+    path = tmp_path / "words.csv"
+    log[600:640].astype({"reading": object}).replace({"reading": {log["reading"][610]: "lost"}}).to_csv(
+        path, index=False
+    )
+    assert correct(lab, path) == 2
+    assert "'reading' holds 'lost'" in capsys.readouterr().err
+    for option in ("--na=lost", "--skip-bad-rows"):
+        assert correct(lab, path, option) == 0
+        assert "1 no reading" in capsys.readouterr().err
+
+
 def test_bad_rows_of_a_file_are_refused_or_passed_over(lab, tmp_path, capsys):
     _, model, log = lab
     header, *rows = lines_of(log[600:640])

@@ -25,6 +25,7 @@ from ..live.corrector import OnlineCorrector
 from ..readers import RUN, Options, read_logs
 from ..readers.clocks import Clock
 from ..readers.growing import Growing
+from ..readers.roles import refuse_words
 from ..records import RecordError, RecordWarning
 from ..records.errors import existing_file, listing, printable, quoted, times_word
 from ..records.numbers import span_text
@@ -172,6 +173,7 @@ class Columns:
                 role = "temperature" if name in thermometers else "reading" if name == self.reading else ""
                 hint = f" Name it with --{role}." if role else ""
                 raise RecordError(f"The log has no column {quoted(column)}; it has {listing(log.columns)}.{hint}")
+            refuse_words(log, column)
         guard = UnitGuard.of(model)
         for name in guard.ranges:
             column = self.called.get(name, str(name))
@@ -274,6 +276,7 @@ def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
             results = live.update_many(X, y)
             _answer(rows, results, header=False)
             flags.update(results["flag"][results["corrected"].isna()])
+    log.end()
     if log.cut and log.lines:
         _complain("the last line is left out: it has no line end, and may have been cut while it was written")
     if not log.lines:

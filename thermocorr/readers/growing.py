@@ -53,12 +53,17 @@ class Growing:
             raise RecordError(f"The log has a line of more than {_LONGEST} characters. Is it text?")
         text = whole + "\n" if whole else ""
         if not self._begun and text.strip():
-            at = self._begin(text)
+            at = self._begin(text, last=False)
             if at is None:
                 self._rest = text + self._rest
                 return None, []
             self.lines, text, self._begun = text.count("\n", 0, at), text[at:], True
         return self._rows(text) if text.strip() else (None, [])
+
+    def end(self) -> None:
+        """Raise RecordError for a log that has ended before its rows began."""
+        if not self._begun and "\n" in self._rest and self._rest.strip():
+            self._begin(self._rest, last=True)
 
     def header(self) -> pd.DataFrame | None:
         """The log's columns without rows, as soon as they are known; None before."""
@@ -72,7 +77,7 @@ class Growing:
         """True if a line has not ended yet."""
         return bool(self._rest.strip())
 
-    def _begin(self, text: str) -> int | None:
+    def _begin(self, text: str, last: bool) -> int | None:
         """Where the rows begin; None where that cannot be told yet."""
         lines = text.split("\n")
         if self.form is not None:
@@ -102,7 +107,7 @@ class Growing:
             head = lines[first].strip()
             self.form = Form(names=names, header=head, below=1, columns=columns, numbers=self.needed, clock=self.clock)
             return sum(len(line) + 1 for line in lines[: first + 1])
-        if len(lines) < _PREAMBLE and self.form is not None:
+        if len(lines) < _PREAMBLE and self.form is not None and not last:
             return None
         missing = listing([name for name in wanted if name not in names])
         raise RecordError(

@@ -137,13 +137,19 @@ def guess(
             told[role], in_doubt[role] = None, tuple(alike)
             why.pop(role, None)
     for name in told.values():
-        if name in words:
-            raise RecordError(
-                f"{quoted(name)} holds {words[name]!r} in some rows, and no number. If it says that there is no value, "
-                f"pass {way(f'--na={shlex.quote(words[name])}', f'na={words[name]!r}')}; if these rows are damaged, "
-                f"pass over them with {option('skip_bad_rows', 'True')}."
-            )
+        refuse_words(frame, name)
     return Roles(told["temperature"], told["reading"], run, in_doubt, why)
+
+
+def refuse_words(frame: pd.DataFrame, name: str | None) -> None:
+    """Raise RecordError for a column that has words in some cells."""
+    word = frame.attrs.get("words", {}).get(name)
+    if word is not None:
+        raise RecordError(
+            f"{quoted(name)} holds {word!r} in some rows, and no number. If it says that there is no value, pass "
+            f"{way(f'--na={shlex.quote(word)}', f'na={word!r}')}; if these rows are damaged, pass over them with "
+            f"{option('skip_bad_rows', 'True')}."
+        )
 
 
 def run_among(names: Sequence[str]) -> str | None:
