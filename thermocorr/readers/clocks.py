@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -116,6 +117,7 @@ class Clock:
         if not self.fraction:
             return times
         part = np.round(frame[self.fraction].to_numpy(float) * self.scale, 9)
+        part[~((part >= 0) & (part < 1))] = np.nan
         return times + (pd.to_timedelta(part, unit="s") if isinstance(times, pd.DatetimeIndex) else part)
 
     def _whole(self, frame: pd.DataFrame) -> pd.Index:
@@ -132,15 +134,18 @@ class Clock:
         if self.format == "seconds":
             counted = cells.to_numpy(float) * self.scale
             return pd.Index(np.where(np.abs(counted) < 9e9, counted, np.nan))  # 290 years, as far as spans reach
-        text = self.text(frame)
         if self.format.startswith("iso"):
             utc = self.format == "iso utc"
+            with contextlib.suppress(ValueError, TypeError):  # all cells in one form, as nearly always
+                if not utc and len(self.columns) == 1 and not cells.isin(_NOW).any():
+                    return pd.DatetimeIndex(pd.to_datetime(cells, format="ISO8601"))
+            text = self.text(frame)
             text = text.mask(text.isin(_NOW))
             if utc or text.str.len().nunique() > 1:  # some may have a zone, and others none
                 text = text.where(text.str.contains(_ZONED, na=False) if utc else text.str.fullmatch(_LOCAL, na=False))
             times = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=utc)
             return pd.DatetimeIndex(times) if times.dtype.kind == "M" else pd.DatetimeIndex([pd.NaT] * len(times))
-        text = _in_english(text)
+        text = _in_english(self.text(frame))
         if self.format in ("elapsed", "mm:ss"):
             text = text.where(text.str.contains(":|d", na=False))
             text = "00:" + text if self.format == "mm:ss" else text.where(text.str.count(":") != 1, text + ":00")
@@ -478,7 +483,7 @@ def _with_fraction(frame: pd.DataFrame, clock: Clock) -> Clock:
     whole = not (as_seconds(clock.times(frame)) % 1 > 0).any()
     return (
         replace(clock, fraction=name, scale=scale)
-        if whole and (frame[name].dropna() * scale).between(0, 1, "left").all()
+        if whole and (frame[name] * scale).between(0, 1, "left").mean() > 0.9
         else clock
     )
 
