@@ -72,10 +72,11 @@ COUNTERS = re.compile(
     r"^\W*(#|no\.?|nr\.?|id\b.*|row|index|scan.*|record|rn|entry_id|sample|reading)\W*$", re.IGNORECASE
 )
 _DAYTIME = re.compile(r"hhmm|time|zeit|clock", re.IGNORECASE)
-_NOW = ("now", "today", "Now", "Today", "NOW", "TODAY")
+_NOW = ("now", "today", "Now", "Today", "_NOW", "TODAY")
 """Words that pandas takes for times."""
 _ZONED = r":\d\d(?:[.,]\d+)? ?(?:Z|UTC|[-+]\d\d:?(?:\d\d)?)$"
-_LOCAL = r"\d{4}-?\d\d-?\d\d(?:[T ]\d\d:?\d\d(?::?\d\d(?:[.,]\d+)?)?)?"
+LOCAL = re.compile(r"\d{4}-?\d\d-?\d\d(?:[T ]\d\d:?\d\d(?::?\d\d(?:[.,]\d+)?)?)?")
+"""Dates of ISO 8601 without a zone."""
 _MIDNIGHT = r"[ T]00:00(?::00)?(?:\.0+)?$"
 _MONTH = r"(?<=\d)\.?[- ]*([^\W\d_]{3})[^\W\d_]*[- ,.]+(?=\d)|^([^\W\d_]{3})[^\W\d_]* (\d+),? (?=\d{4})"
 _ZONE_IN_NAME = re.compile(r"(?:^|[\s\[(<,])(?:UTC|GMT)\s?(?P<offset>[+-]\d{1,2}(?::?\d{2})?)?(?:$|[\s\])>])")
@@ -136,13 +137,15 @@ class Clock:
             return pd.Index(np.where(np.abs(counted) < 9e9, counted, np.nan))  # 290 years, as far as spans reach
         if self.format.startswith("iso"):
             utc = self.format == "iso utc"
+            if cells.dtype.kind == "M" and len(self.columns) == 1:
+                return pd.DatetimeIndex(cells)
             with contextlib.suppress(ValueError, TypeError):  # all cells in one form, as nearly always
                 if not utc and len(self.columns) == 1 and not cells.isin(_NOW).any():
                     return pd.DatetimeIndex(pd.to_datetime(cells, format="ISO8601"))
             text = self.text(frame)
             text = text.mask(text.isin(_NOW))
             if utc or text.str.len().nunique() > 1:  # some may have a zone, and others none
-                text = text.where(text.str.contains(_ZONED, na=False) if utc else text.str.fullmatch(_LOCAL, na=False))
+                text = text.where(text.str.contains(_ZONED, na=False) if utc else text.str.fullmatch(LOCAL, na=False))
             times = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=utc)
             return pd.DatetimeIndex(times) if times.dtype.kind == "M" else pd.DatetimeIndex([pd.NaT] * len(times))
         text = _in_english(self.text(frame))
@@ -344,7 +347,8 @@ def _texts(frame: pd.DataFrame, columns: list[str], lower: dict[str, str], said:
     for name in columns:
         cells = frame[name].dropna().head(100)
         if pd.api.types.is_datetime64_any_dtype(cells) or pd.api.types.is_timedelta64_dtype(cells):
-            stamps.append(name)
+            midnights = cells.dtype.kind == "M" and bool((cells == cells.dt.normalize()).all())
+            (dates if midnights else stamps).append(name)
             continue
         if is_number(frame[name]) or not len(cells):
             continue
@@ -377,8 +381,9 @@ def _first_moment(cells: pd.Series) -> str:
 
 def _of_text(frame: pd.DataFrame, columns: list[str], said: Options) -> list[Clock]:
     """Ways to read a column of text, or several joined, that fit most of a sample of its cells."""
-    if frame[columns[0]].dtype.kind in "mM" or isinstance(frame[columns[0]].dtype, pd.DatetimeTZDtype):
-        return [Clock(list(columns), "dates")]
+    typed = frame[columns[0]].dtype.kind in "mM" or isinstance(frame[columns[0]].dtype, pd.DatetimeTZDtype)
+    if typed and len(columns) == 1:
+        return [Clock(list(columns), "iso" if frame[columns[0]].dtype.kind == "M" else "dates")]
     hours = [frame[name].max() for name in columns if _DAYTIME.search(name) and is_number(frame[name])]
     top = max(hours, default=np.inf)
     base = Clock(list(columns), said.time_format or "", digits=4 if top <= 2400 else 6 if top <= 240_000 else 0)
@@ -399,7 +404,7 @@ def _of_text(frame: pd.DataFrame, columns: list[str], said: Options) -> list[Clo
 def _of_numbers(frame: pd.DataFrame, name: str, unit: str, said: Options) -> list[Clock]:
     """Ways to read a column of numbers as times: days or seconds since a day, digits of a date, or seconds."""
     values, base = frame[name].dropna(), Clock([name])
-    low, high = float(values.min()), float(values.max())
+    low, high = values.quantile([0.1, 0.9]).tolist()  # a damaged row decides nothing
     if said.time_format == "seconds":
         return [replace(base, format="seconds", scale=_span(name, unit) or 1.0)]
     if said.time_format:

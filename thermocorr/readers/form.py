@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +15,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import listing, option, quoted, times_word
 from .cells import COMMENTS, NO_VALUE, as_numbers, is_number, says_something, split
-from .clocks import Clock
+from .clocks import LOCAL, Clock
 from .lines import STAMPED, Template, rows_of
 from .options import SEPARATORS
 
@@ -74,13 +76,34 @@ class Form:
         content, notes, numbers = text.encode(), list[str](), None
         if not self._is_plain(text, content):
             content, notes, numbers = self._rows(text, line, skip, most)
-        separator = r"\s+" if self.separator == " " else self.separator
-        frame = pd.read_csv(
-            io.BytesIO(content), sep=separator, decimal=self.decimal, header=None, names=self.names, index_col=False,
-            low_memory=False, skipinitialspace=True, na_values=[*NO_VALUE, *self.missing], **_DIGITS,
-        )  # fmt: skip
+        frame = self._parsed(content)
         frame.index = pd.RangeIndex(line, line + len(frame)) if numbers is None else pd.Index(numbers)
         return frame, notes
+
+    def _parsed(self, content: bytes) -> pd.DataFrame:
+        """Rows as a frame; a single column of local dates of ISO 8601 as dates, where all its cells are."""
+        first = content[: content.find(b"\n")].decode()
+        given: dict[str, Any] = {
+            "sep": r"\s+" if self.separator == " " else self.separator, "decimal": self.decimal, "header": None,
+            "names": self.names, "index_col": False, "skipinitialspace": f"{self.separator} " in first, **_DIGITS,
+            "na_values": [*NO_VALUE, *self.missing],
+        }  # fmt: skip
+        dates = [
+            n
+            for n, cell in zip(self.names, split(first, self.separator), strict=False)
+            if ":" in cell and LOCAL.fullmatch(cell)
+        ]
+        if len(dates) == 1:
+            with warnings.catch_warnings(), contextlib.suppress(Warning, ValueError, TypeError):
+                warnings.simplefilter("error")  # cells of several kinds, which the slower way tells apart
+                frame: pd.DataFrame = pd.read_csv(
+                    io.BytesIO(content), parse_dates=dates, date_format="ISO8601", **given
+                )
+                now = pd.Timestamp.now()  # pandas takes words such as "today" for it
+                if not frame[dates[0]].between(now - pd.Timedelta("2D"), now + pd.Timedelta("2D")).any():
+                    return frame
+        frame = pd.read_csv(io.BytesIO(content), low_memory=False, **given)
+        return frame
 
     def _is_plain(self, text: str, content: bytes) -> bool:
         """True if every line is a row: no comments, quotes, header again or empty ones, all of the same width."""

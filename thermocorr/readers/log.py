@@ -18,11 +18,11 @@ from ..records.errors import existing_file, listing, option, quoted, times_word
 from ..records.times import steps_back_an_hour, summer_time_text
 from ..records.units import TEMPERATURES, unit_of, unit_of_text
 from .cells import MOMENT, as_numbers, is_number, refuse_thousands, says_something, split, varies
-from .clocks import Clock, as_seconds, find_clock, unwrapped
+from .clocks import FRACTIONS, Clock, as_seconds, find_clock, unwrapped
 from .form import JSON, Form
 from .lines import STAMPED, find_templates
 from .options import Options
-from .roles import RUN, called_readings, run_among
+from .roles import RUN, called_readings, refuse_words, run_among
 from .table import HEAD, find_table
 from .text import decoded, unpacked
 
@@ -90,14 +90,14 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
         form = replace(form, clock=None if clock is None else replace(clock))
         frame, notes = form.cells(text[at:], skipped + 1, said.skip_bad_rows)
         return _finished(frame, form, said, cut + notes, known=True)
-    if not text.strip():
+    if not text or text.isspace():
         raise RecordError("The file is empty: a header line with the columns' names is needed, then a line per sample.")
     text = text[6:] if text[:4].lower() == "sep=" and text[5:6] == "\n" else text
     text, cut = _whole_lines(text)
     head = text[:HEAD]
     stamped = len(STAMPED.findall(head)) > 0.8 * (head.count("\n") + 1)
     shown = STAMPED.sub(r"\1,", head) if stamped else head
-    found = Form(separator=JSON, header=JSON) if text.lstrip().startswith(("{", "[{")) else find_table(shown, said)
+    found = Form(separator=JSON, header=JSON) if head.lstrip().startswith(("{", "[{")) else find_table(shown, said)
     blanks = found is not None and found.separator == " "
     wordy = re.search(r"[^\W\d]\w* ?[:=]", shown.rstrip().rpartition("\n")[2]) is not None
     bare = found is not None and not found.header and (blanks or stamped or wordy)
@@ -105,8 +105,8 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
         templates, units = find_templates(shown)
         names = list(dict.fromkeys(name for _, names in templates for name in names if name))
         found = Form(separator="", templates=templates, units=units, names=names) if templates else found
-    if found is None and text.strip().count("\n") == 0:
-        raise RecordError(f"It has a header ({quoted(text.strip())}) but no rows.")
+    if found is None and head.strip().count("\n") == 0:
+        raise RecordError(f"It has a header ({quoted(head.strip())}) but no rows.")
     if found is None:
         raise RecordError(f"No separator makes rows of numbers and times of its lines. Say {option('sep')}.")
     form = replace(found, encoding=encoding, missing=list(said.na), stamped=stamped)
@@ -137,7 +137,7 @@ def _whole_lines(text: str) -> tuple[str, list[str]]:
 def start_of(text: str, form: Form) -> int | None:
     """Where the first row of a text begins, if it is written in this form; None if it is not."""
     if form.separator == JSON:
-        return 0 if text.lstrip().startswith(("{", "[{")) else None
+        return 0 if text[:HEAD].lstrip().startswith(("{", "[{")) else None
     if form.templates:
         some = [line for line in text[:HEAD].split("\n")[:100] if line.strip()]
         rows = form.cells("\n".join(some), 1, True, 1.0)[0] if some else ()
@@ -162,6 +162,9 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
     nameless = [name for name in map(str, frame) if re.fullmatch(r"column \d+|\d+", name) and frame[name].isna().all()]
     frame = frame.drop(columns=nameless)  # such as what a separator at the end of the rows makes
     if not known:
+        frame.attrs["words"] = words
+        for name in filter(FRACTIONS.fullmatch, words):  # parts of a second belong to the times
+            refuse_words(frame, name)
         form = replace(
             form, numbers=[name for name in map(str, frame) if is_number(frame[name])], long=_long(frame, said)
         )

@@ -132,7 +132,7 @@ def _as_wide(names: list[str], rows: list[list[str]], header: str) -> list[str]:
     width, row = len(rows[0]), rows[0]
     if len(names) == width - 1:
         counted = row[0].isdigit() and (len(rows) == 1 or rows[1][0] == str(int(row[0]) + 1))
-        if row[-1] and (not counted or COUNTERS.match(names[0])):
+        if row[-1] and (not counted or not names[0] or COUNTERS.match(names[0])):
             raise RecordError(
                 f"Every row has one field more than the header, {quoted(header)}. Say the names of all {width} columns "
                 f"with {option('names')}."
