@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -139,9 +138,6 @@ class Clock:
             utc = self.format == "iso utc"
             if cells.dtype.kind == "M" and len(self.columns) == 1:
                 return pd.DatetimeIndex(cells)
-            with contextlib.suppress(ValueError, TypeError):  # all cells in one form, as nearly always
-                if not utc and len(self.columns) == 1 and not cells.isin(_NOW).any():
-                    return pd.DatetimeIndex(pd.to_datetime(cells, format="ISO8601"))
             text = self.text(frame)
             text = text.mask(text.isin(_NOW))
             if utc or text.str.len().nunique() > 1:  # some may have a zone, and others none
