@@ -100,12 +100,8 @@ class Clock:
     def no_times(self) -> pd.Index:
         """Times of the kind that it gives, none of them."""
         zoned = self.zone or self.format in ("iso utc", *SINCE_1970) or "%z" in self.format
-        dated = (
-            self.format.startswith("iso")
-            or self.format in (*DAYS, "labview", "dates")
-            or re.search("%[dju]", self.format)
-        )
-        if not zoned and not dated:
+        dated = self.format.startswith("iso") or self.format in (*DAYS, "labview", "dates")
+        if not zoned and not dated and not re.search("%[dju]", self.format):
             return pd.TimedeltaIndex([], name="time")
         return pd.DatetimeIndex([], tz="UTC" if zoned else None, name="time")
 
@@ -180,14 +176,13 @@ class Clock:
         """
         if not self.zone or not isinstance(times, pd.DatetimeIndex) or times.tz is not None:
             return times
-        gone = np.asarray(times.tz_localize(self.zone, ambiguous=True, nonexistent="NaT").isna()) & np.asarray(
-            times.notna()
-        )
+        known = np.asarray(times.notna())
+        gone = known & np.asarray(times.tz_localize(self.zone, ambiguous=True, nonexistent="NaT").isna())
         if gone.any():
             raise RecordError(
                 f"No clock in {self.zone} showed {times[gone][0]}: summer time began. Is it the zone of the log?"
             )
-        twice = np.asarray(times.tz_localize(self.zone, ambiguous="NaT").isna()) & np.asarray(times.notna())
+        twice = known & np.asarray(times.tz_localize(self.zone, ambiguous="NaT").isna())
         back = np.cumsum(np.diff(times.asi8, prepend=times.asi8[:1]) < 0) > 0
         ways = [times.tz_localize(self.zone, ambiguous=summer).tz_convert("UTC") for summer in (True, False, ~back)]
         if not twice.any():
