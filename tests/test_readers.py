@@ -6,6 +6,7 @@ import io
 import random
 import tracemalloc
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -368,6 +369,18 @@ def test_a_header_of_other_names_below_is_refused_however_one_insists(written):
     form = read_log(written(plain())).attrs["form"]
     with pytest.raises(RecordError, match="A header comes again with other names"):
         Growing(form, ["reading"]).feed(content.encode())
+
+
+def test_a_forged_form_is_known(written):
+    """Of a model file, which anybody may have written."""
+    form = read_log(written(plain())).attrs["form"]
+    assert form.is_sound() and form.clock is not None
+    clocks = [replace(form.clock, zone="Mars/Olympus"), replace(form.clock, columns=["when"])]
+    for wrong in (
+        {"encoding": "utf-99"}, {"separator": "x"}, {"decimal": ";"}, {"names": ["time", "time"]}, {"numbers": ["x"]},
+        {"columns": ["x"]}, {"clock": clocks[0]}, {"clock": clocks[1]},
+    ):  # fmt: skip
+        assert not replace(form, **wrong).is_sound(), wrong
 
 
 def test_a_growing_log_whose_columns_change_places_is_followed(written):

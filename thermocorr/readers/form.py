@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import io
 import json
@@ -185,6 +186,11 @@ class Form:
     def is_sound(self) -> bool:
         """True if its parts belong together; those of a file that somebody forged may not."""
         clock, known = self.clock, set(self.names)
+        try:
+            codecs.lookup(self.encoding)
+            pd.Timestamp(0, tz=clock.zone if clock is not None and clock.zone else None)
+        except (LookupError, ValueError):
+            return False
         used = [
             *self.columns,
             *self.numbers,
