@@ -30,7 +30,7 @@ from corpus.foreign_logs import (
     understood,
 )
 
-from thermocorr import DynamicBiasRegressor, RecordError, load_model, read_log
+from thermocorr import DynamicBiasRegressor, RecordError, load_model, read_log, save_model
 from thermocorr.command.cli import main
 from thermocorr.readers import guess
 from thermocorr.readers.growing import Growing
@@ -369,6 +369,16 @@ def test_a_header_of_other_names_below_is_refused_however_one_insists(written):
     form = read_log(written(plain())).attrs["form"]
     with pytest.raises(RecordError, match="A header comes again with other names"):
         Growing(form, ["reading"]).feed(content.encode())
+
+
+def test_a_model_of_a_log_with_thousands_of_columns_is_loaded_again(written):
+    names = [f"column of the logger number {k}" for k in range(600)]
+    rows = "".join(f"{t},{a},{b}{',1' * 600}\n" for t, a, b in zip(TIMES, T, U, strict=True))
+    log = read_log(path := written(f"time,temperature,reading,{','.join(names)}\n{rows}"))
+    model = DynamicBiasRegressor("temperature", ["5 min"]).fit(log[["temperature"]], log["reading"])
+    form = load_model(save_model(model, path.with_suffix(".json"))).form_
+    whole = path.read_bytes()
+    assert len(Growing(form, ["reading"]).feed(whole + whole[: whole.index(b"\n") + 1])[0]) == N
 
 
 def test_a_forged_form_is_known(written):

@@ -136,13 +136,13 @@ def says_something(cells: pd.Series) -> pd.Series:
 
 def refuse_thousands(values: pd.Series, name: str) -> None:
     """Raise RecordError for 998, 999, 1.000, 1.001: whole thousands that were read as fractions."""
-    size = values.abs().dropna()
-    small, large = size[(size < 100) & (size > 0)], size[size >= 100]
-    if not len(large) or not (large % 1 == 0).all() or not (small % 1 > 0).any():
+    size = np.abs(values.to_numpy(float))
+    large, small = size[(size >= 100) & np.isfinite(size)], size[(size < 100) & (size > 0)]
+    if not len(large) or not len(small) or large.max() >= 1000 or (large % 1).any() or not (small % 1).any():
         return
     whole = np.allclose(small * 1000, np.round(small * 1000))
-    if whole and large.max() < 1000 and 0 <= small.min() * 1000 - large.max() < 0.5 * large.max():
+    if whole and 0 <= small.min() * 1000 - large.max() < 0.5 * large.max():
         raise RecordError(
-            f"{quoted(name)} has {large.iloc[-1]:g} and {small.iloc[0]:g}: a thousandfold, or a fraction? Say the sign "
-            f"of decimals with {option('decimal')}."
+            f"{quoted(name)} has {large[-1]:g} and {small[0]:g}: a thousandfold, or a fraction? Say the sign of decimals "
+            f"with {option('decimal')}."
         )

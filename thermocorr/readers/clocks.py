@@ -308,10 +308,10 @@ def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said:
         return Clock([lower[part] for part in parts], " ".join(PARTS[part] for part in parts))
     ways = [_of_text(frame, tried, said) for tried in _texts(frame, columns, lower, said)]
     if not any(ways):
-        numbers = [name for name in columns if is_number(frame[name]) and (varies(frame[name]) or len(frame) == 1)]
-        named = [said.time] if said.time else [name for name in numbers if _may_count(name)]
+        named = [said.time] if said.time else [name for name in columns if _may_count(name) and _counts(frame[name])]
         if not named and headless:
-            named = [name for name in numbers[:1] if _is_even(frame[name])]
+            first = next((name for name in columns if _counts(frame[name])), None)
+            named = [first] if first is not None and _is_even(frame[first]) else []
         ways = [_of_numbers(frame, name, units.get(name, ""), said) for name in named if is_number(frame[name])]
     good = [_rising(frame, clocks) for clocks in ways if clocks]
     universal = [one for one in good if re.search("utc", one[0].columns[0], re.I)]
@@ -324,6 +324,11 @@ def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said:
 def _may_count(name: str) -> bool:
     bare = re.split(r"[\[(]", name)[0].strip()
     return bool(_TIME_NAMES.search(name) or _TIME_NAMES.search(bare)) and not COUNTERS.match(name) and bare != "T"
+
+
+def _counts(column: pd.Series) -> bool:
+    """True for numbers that are not all the same."""
+    return is_number(column) and (varies(column) or len(column) == 1)
 
 
 def _is_even(column: pd.Series) -> bool:

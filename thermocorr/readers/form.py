@@ -26,6 +26,11 @@ JSON = "{"
 """What stands for a separator where each line is an object of JSON."""
 
 
+def header_of(line: str) -> str:
+    """The beginning of a line of names: files of models hold no text of any length."""
+    return line.strip()[:5000]
+
+
 @dataclass
 class Form:
     """How a log is written. Made of plain values: a model keeps it, and reads later lines by it."""
@@ -39,7 +44,7 @@ class Form:
     behind: dict[str, str] = field(default_factory=dict)
     """Units that stand behind the numbers of a column, in each of its cells."""
     header: str = ""
-    """The line of names, which comes again where a logger begins anew; "" where there is none."""
+    """Beginning of the line of names, which comes again where a logger begins anew; "" where there is none."""
     below: int = 0
     """Lines from the header to the first row; without a header, lines above the first row."""
     templates: list[Template] = field(default_factory=list)
@@ -123,7 +128,7 @@ class Form:
         blanks = self.separator + " \t"
         for k, one in enumerate(lines):
             bare = one.strip(blanks)
-            if not bare or one.startswith(COMMENTS) or (self.header and one.strip() == self.header):
+            if not bare or one.startswith(COMMENTS) or self.is_header(one):
                 continue
             if '"' not in one and self.separator != " ":
                 width = one.count(self.separator) + 1
@@ -182,6 +187,10 @@ class Form:
     def place(self, number: object) -> str:
         """A row of a log in words: its line, where the log is a text."""
         return f"line {number}" if self.names or self.separator == JSON else f"row {number}"
+
+    def is_header(self, line: str) -> bool:
+        """True if a line is that of the names."""
+        return bool(self.header) and header_of(line) == self.header
 
     def is_sound(self) -> bool:
         """True if its parts belong together; those of a file that somebody forged may not."""

@@ -12,7 +12,7 @@ from ..records import RecordError
 from ..records.errors import listing
 from .cells import is_typed, split
 from .clocks import Clock, as_seconds, unwrapped
-from .form import Form
+from .form import Form, header_of
 from .log import start_of
 
 _LONGEST = 1 << 20
@@ -92,7 +92,7 @@ class Growing:
                 if self._is_row(cells):
                     return sum(len(one) + 1 for one in lines[:k])
                 if len(cells) > 1 and set(cells) >= set(self.form.names) and self.form.header:
-                    self.form = replace(self.form, names=cells, header=line.strip())
+                    self.form = replace(self.form, names=cells, header=header_of(line))
                     return (
                         sum(len(one) + 1 for one in lines[: k + self.form.below])
                         if len(lines) > k + self.form.below
@@ -104,7 +104,7 @@ class Growing:
         wanted = [*self.needed, *times]
         if set(wanted) <= set(names):
             columns = [name for name in names if name not in times]
-            head = lines[first].strip()
+            head = header_of(lines[first])
             self.form = Form(names=names, header=head, below=1, columns=columns, numbers=self.needed, clock=self.clock)
             return sum(len(line) + 1 for line in lines[: first + 1])
         if len(lines) < _PREAMBLE and self.form is not None and not last:
@@ -128,9 +128,9 @@ class Growing:
             lines = text.split("\n")
             for k, line in enumerate(lines):
                 cells = split(line, form.separator) if form.names[0] in line else []
-                if line.strip() != form.header and cells and set(cells) == set(form.names):
+                if not form.is_header(line) and cells and set(cells) == set(form.names):
                     before, notes = self._rows("\n".join([*lines[:k], ""]))
-                    self.form = replace(form, names=cells, header=line.strip())
+                    self.form = replace(form, names=cells, header=header_of(line))
                     self.lines += 1
                     after, more = self._rows("\n".join(lines[k + 1 :]))
                     parts = [part for part in (before, after) if part is not None]

@@ -143,7 +143,7 @@ def start_of(text: str, form: Form) -> int | None:
         rows = form.cells("\n".join(some), 1, True, 1.0)[0] if some else ()
         return 0 if len(rows) > 0.5 * len(some) else None
     lines = text[:HEAD].split("\n")
-    headers = (k for k, line in enumerate(lines) if line.strip() == form.header)
+    headers = (k for k, line in enumerate(lines) if form.is_header(line))
     at = next(headers, None) if form.header else 0
     if at is None or len(lines) <= at + form.below:
         return None

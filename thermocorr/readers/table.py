@@ -11,7 +11,7 @@ from ..records.errors import option, quoted, times_word
 from ..records.units import unit_of_text
 from .cells import COMMENTS, MOMENT, NUMBER, SAID_EMPTY, is_typed, split
 from .clocks import COUNTERS, SPANS
-from .form import Form
+from .form import Form, header_of
 from .options import Options
 
 HEAD = 400_000
@@ -114,7 +114,7 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
     units = {
         n: u.strip("[]()<> ") for n, u in zip(names, below[0] if below else [], strict=False) if u.strip("[]()<> ")
     }
-    return replace(form, names=names, units=units, below=first - at, header=lines[at].strip())
+    return replace(form, names=names, units=units, below=first - at, header=header_of(lines[at]))
 
 
 def _are_units(cells: list[str]) -> bool:
