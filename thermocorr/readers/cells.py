@@ -143,6 +143,6 @@ def refuse_thousands(values: pd.Series, name: str) -> None:
     whole = np.allclose(small * 1000, np.round(small * 1000))
     if whole and 0 <= small.min() * 1000 - large.max() < 0.5 * large.max():
         raise RecordError(
-            f"{quoted(name)} has {large[-1]:g} and {small[0]:g}: a thousandfold, or a fraction? Say the sign of decimals "
-            f"with {option('decimal')}."
+            f"{quoted(name)} has {large[-1]:g} and {small[0]:g}: a thousandfold, or a fraction? Say the sign of "
+            f"decimals with {option('decimal')}."
         )
