@@ -58,7 +58,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="pass over lines that are no rows, keep the first of rows with one time, sort by time; all is said",
+        help="pass over damaged lines, keep the first of rows with one time, sort by time; all is said",
     )
 
 

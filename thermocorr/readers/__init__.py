@@ -49,11 +49,11 @@ def read_log(
     names : sequence of str
         Names of all columns, for a file without a header, or with one that is too short.
     na : sequence of str
-        Words and numbers that say that there is no value, beside the usual ones.
+        Words and numbers that stand for a missing value, in addition to the usual ones.
     sheet : str, optional
         Of a spreadsheet.
     skip_bad_rows : bool, default False
-        Leave out lines that are no rows, rows without a time, cells that are words among numbers, and rows with a
+        Leave out damaged lines, rows without a time, cells that are words among numbers, and rows with a
         time for the second time; sort by time. All is counted in the notes.
     time : str, optional
         Column of times.

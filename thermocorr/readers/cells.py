@@ -17,7 +17,7 @@ NO_VALUE = (
     "undefined", "unavailable", "unknown", "No data", "NoData", "open", "fault", "error", "err", "bad", "invalid",
     "timeout", "offline", "#VALUE!", "#REF!", "#DIV/0!", "#NUM!", "#NAME?", "#NV", "#WERT!", "\u2212", "\u2013",
 )  # fmt: skip
-"""What instruments and programs write in place of a number, beside what pandas knows."""
+"""What instruments and programs write in place of a number, and pandas does not know."""
 SAID_EMPTY = {word.lower() for word in (*NO_VALUE, "", "null", "n/a", "#n/a", "na", "nan", "inf", "-inf")}
 _SIGN = r"[-+\u2212\u2013]?"
 NUMBER = {
@@ -33,7 +33,7 @@ _DATE = (
 )
 _CTIME = r"(?:[A-Za-z]{3} )?[A-Za-z]{3} {1,2}\d{1,2} \d\d:\d\d:\d\d \d{4}"
 COMMENTS = ("#", "%", "//")
-"""Beginnings of lines that are no rows."""
+"""Marks at the beginning of a comment line."""
 MOMENT = re.compile(
     rf"{_DATE}(?:[T ,_:]*(?:{OF_DAY}|\d{{6}}|\d{{4}}|\d\d?\.\d\d\.\d\d)?{ZONE}?)?|{OF_DAY}{ZONE}?|{_CTIME}"
     r"|-?\d+ ?d(?:ays?)?\b.*"
@@ -61,7 +61,7 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def is_number(column: pd.Series) -> bool:
-    """True for a column of numbers; switches are none."""
+    """True for a column of numbers; switches do not count."""
     return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
 
 
@@ -71,16 +71,15 @@ def varies(column: pd.Series) -> bool:
 
 
 def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tuple[pd.Series, str] | None:
-    """Text as numbers, NaN for cells that are none, and the unit behind them; None if most cells are no numbers.
+    """Text as numbers, NaN for other cells, and the unit behind them; None if most cells are not numbers.
 
     Signs between thousands, exponents after D and a unit behind every number are ways of writing. `unit` (str,
     optional): What is behind them, if that is known: then nothing is asked, and None is for no number at all. Raises
-    RecordError where whole thousands may be fractions, or points stand beside decimal commas.
+    RecordError where whole thousands may be fractions, or where some numbers have points and others commas.
     """
     known, sure = column.dropna(), unit is None
-    if (
-        len(known) and decimal == "." and re.fullmatch(NUMBER["."], str(known.iloc[0]))
-    ):  # times of digits are numbers too
+    bare = len(known) and decimal == "." and re.fullmatch(NUMBER["."], str(known.iloc[0]))
+    if bare:  # asked before times, which may be written in digits alone
         plain = pd.to_numeric(known, errors="coerce")
         if plain.notna().all():
             return plain.reindex(column.index).astype(float), ""
@@ -124,7 +123,7 @@ def _spread(n: int) -> np.ndarray:
 
 
 def _likely(cells: pd.Series) -> pd.Series:
-    """Mask of cells that begin as numbers do, and are no times."""
+    """Mask of cells that begin as numbers do and are not times."""
     text = cells.astype(str).str.strip()
     return text.str.match(rf"{_SIGN}[.,]?\d") & ~text.str.fullmatch(MOMENT)
 

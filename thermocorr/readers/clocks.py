@@ -71,7 +71,7 @@ COUNTERS = re.compile(
     r"^\W*(#|no\.?|nr\.?|id\b.*|row|index|scan.*|record|rn|entry_id|sample|reading)\W*$", re.IGNORECASE
 )
 _DAYTIME = re.compile(r"hhmm|time|zeit|clock", re.IGNORECASE)
-_NOW = ("now", "today", "Now", "Today", "_NOW", "TODAY")
+_NOW = ("now", "today")
 """Words that pandas takes for times."""
 _ZONED = r":\d\d(?:[.,]\d+)? ?(?:Z|UTC|[-+]\d\d:?(?:\d\d)?)$"
 LOCAL = re.compile(r"\d{4}-?\d\d-?\d\d(?:[T ]\d\d:?\d\d(?::?\d\d(?:[.,]\d+)?)?)?")
@@ -271,7 +271,7 @@ def one_date(text: str) -> pd.Timestamp | None:
 
 
 def as_seconds(times: pd.Index) -> np.ndarray:
-    """Seconds, of dates since 1970; NaN where there is none."""
+    """Seconds, of dates since 1970; NaN for a missing time."""
     if isinstance(times, pd.DatetimeIndex | pd.TimedeltaIndex):
         return np.where(times.isna(), np.nan, times.as_unit("ns").asi8 / 1e9)
     return times.to_numpy(float)
@@ -409,7 +409,7 @@ def _of_numbers(frame: pd.DataFrame, name: str, unit: str, said: Options) -> lis
     scale = _span(name, unit)
     if inside and scale is None and not re.search(r"utc|gmt|local|iso|:|[-+]\d", inside[1], re.I):
         form = option("time_format", "'seconds'")
-        raise RecordError(f"{inside[1]!r} in {quoted(name)} is no unit of time that is known. Say {form}.")
+        raise RecordError(f"{inside[1]!r} in {quoted(name)} is no unit of time known here. Say {form}.")
     if re.search(r"(?<![a-z])hhmm(?![a-z])", name.lower()):
         return [replace(base, format="%H%M", digits=4)]
     whole = bool((values % 1 == 0).all())
@@ -474,7 +474,7 @@ def _rising(frame: pd.DataFrame, clocks: list[Clock]) -> tuple[Clock, float]:
 
 
 def _with_fraction(frame: pd.DataFrame, clock: Clock) -> Clock:
-    """The clock, with a column of parts of a second if there is one beside times that have none."""
+    """The clock, with the column of parts of a second that times of whole seconds need, if there is one."""
     name = next(
         (n for n in map(str, frame) if FRACTIONS.fullmatch(n) and n not in clock.columns and is_number(frame[n])), None
     )

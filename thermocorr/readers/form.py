@@ -44,14 +44,14 @@ class Form:
     behind: dict[str, str] = field(default_factory=dict)
     """Units that stand behind the numbers of a column, in each of its cells."""
     header: str = ""
-    """Beginning of the line of names, which comes again where a logger begins anew; "" where there is none."""
+    """Beginning of the line of names, which a logger repeats when it restarts; "" without a header."""
     below: int = 0
     """Lines from the header to the first row; without a header, lines above the first row."""
     templates: list[Template] = field(default_factory=list)
     stamped: bool = False
     """A monitor has written a time of day and an arrow before each line."""
     columns: list[str] = field(default_factory=list)
-    """Columns that are kept, beside the times: not those that nothing is in."""
+    """Columns that are kept, without the times and without empty ones."""
     numbers: list[str] = field(default_factory=list)
     """Columns of numbers."""
     missing: list[str] = field(default_factory=list)
@@ -63,7 +63,7 @@ class Form:
     def cells(self, text: str, line: int, skip: bool, most: float = 0.5) -> tuple[pd.DataFrame, list[str]]:
         """Whole lines as a frame of numbers and text, whose index has the numbers of the lines, and notes.
 
-        `line` (int): Number of the first of them in the file. `skip` (bool): Leave out lines that are no rows. `most`
+        `line` (int): Number of the first of them in the file. `skip` (bool): Leave out damaged lines. `most`
         (float): Share of lines that may be none. Raises RecordError for the first such line, and for too many.
         """
         if self.separator == JSON:
@@ -147,7 +147,7 @@ class Form:
         found = f"line {line + k}: {found if width else 'a quoted field is not closed on its line'}"
         if len(bad) > most * len(lines):
             raise RecordError(
-                f"{len(bad)} of {times_word(len(lines), 'line')} are no rows, such as {found}. Say the names of all "
+                f"{len(bad)} of {times_word(len(lines), 'line')} are not rows, such as {found}. Say the names of all "
                 f"columns with {option('names')}."
             )
         if not skip:

@@ -13,10 +13,10 @@ from ..records.errors import listing
 from .cells import is_typed, split
 from .clocks import Clock, as_seconds, unwrapped
 from .form import Form, header_of
-from .log import start_of
+from .log import begin_of, start_of
 
 _LONGEST = 1 << 20
-"""Characters of a line at most: a longer one is no row of a log."""
+"""Characters of a line at most: a longer one is not a row."""
 _PREAMBLE = 100
 """Lines among which the names of the columns are looked for."""
 
@@ -43,7 +43,7 @@ class Growing:
         self._rest, self._begun = "", False
 
     def feed(self, new: bytes) -> tuple[pd.DataFrame | None, list[str]]:
-        """The rows that these bytes complete, indexed by their times, and notes; None where there are none.
+        """The rows that these bytes complete, indexed by their times, and notes; None if no row is complete.
 
         Raises RecordError for a log in another form, and for a header of other columns.
         """
@@ -90,14 +90,11 @@ class Growing:
             for k, line in enumerate(lines[:_PREAMBLE]):
                 cells = split(line, self.form.separator or "\n")
                 if self._is_row(cells):
-                    return sum(len(one) + 1 for one in lines[:k])
+                    return begin_of(k, lines)
                 if len(cells) > 1 and set(cells) >= set(self.form.names) and self.form.header:
                     self.form = replace(self.form, names=cells, header=header_of(line))
-                    return (
-                        sum(len(one) + 1 for one in lines[: k + self.form.below])
-                        if len(lines) > k + self.form.below
-                        else None
-                    )
+                    rows = k + self.form.below
+                    return begin_of(rows, lines) if len(lines) > rows else None
         first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
         names = split(lines[first], ",")
         times = [] if self.clock is None else self.clock.columns
@@ -106,7 +103,7 @@ class Growing:
             columns = [name for name in names if name not in times]
             head = header_of(lines[first])
             self.form = Form(names=names, header=head, below=1, columns=columns, numbers=self.needed, clock=self.clock)
-            return sum(len(line) + 1 for line in lines[: first + 1])
+            return begin_of(first + 1, lines)
         if len(lines) < _PREAMBLE and self.form is not None and not last:
             return None
         missing = listing([name for name in wanted if name not in names])

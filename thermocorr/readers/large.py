@@ -13,12 +13,15 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import listing
 
+_INDEX = object()
+"""Stands for the name of the index among those of the columns."""
+
 
 def gathered(frames: Iterator[pd.DataFrame]) -> pd.DataFrame:
     """Parts of a log, one below the other, as a frame whose columns are mapped from temporary files.
 
     Numbers, switches and dates are kept in double precision and 64 bits; the files are gone when the frame is.
-    Raises RecordError for parts with other columns, and for columns that are none of these.
+    Raises RecordError for parts with other columns, and for columns of any other kind.
     """
     files: dict[Any, IO[bytes]] = {}
     first, rows = None, 0
@@ -48,10 +51,6 @@ def _columns(part: pd.DataFrame) -> Iterator[tuple[Any, pd.Series]]:
     if not isinstance(part.index, pd.RangeIndex):
         yield _INDEX, part.index.to_series()
     yield from part.items()
-
-
-_INDEX = object()
-"""Stands for the name of the index among those of the columns."""
 
 
 def _numbers(name: Any, column: pd.Series) -> np.ndarray:

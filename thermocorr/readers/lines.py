@@ -42,7 +42,7 @@ def _pattern(shape: str, names: list[str]) -> str:
 
 
 def find_templates(text: str) -> tuple[list[Template], dict[str, str]]:
-    """Usual shapes of the lines, and units; a number is called by what stands before it. Empty if there are none."""
+    """Usual shapes of the lines, and units; empty without such shapes. A number is called by what stands before it."""
     lines = [_COLOUR.sub("", line).strip() for line in text.splitlines()[:400] if line.strip()]
     shapes = Counter(_PART.sub(lambda m: TIME if m["time"] else NUMBER, line) for line in lines)
     usual = [shape for shape, n in shapes.items() if n > 0.03 * len(lines) and NUMBER in shape]

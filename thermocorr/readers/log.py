@@ -149,7 +149,12 @@ def start_of(text: str, form: Form) -> int | None:
         return None
     if not form.header and len(split(lines[form.below], form.separator)) != len(form.names):
         return None
-    return sum(len(line) + 1 for line in lines[: at + form.below])
+    return begin_of(at + form.below, lines)
+
+
+def begin_of(k: int, lines: list[str]) -> int:
+    """Where line k of a text begins."""
+    return sum(len(line) + 1 for line in lines[:k])
 
 
 def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], known: bool = False) -> pd.DataFrame:
@@ -341,7 +346,7 @@ def _long(frame: pd.DataFrame, said: Options) -> list[str]:
 def _widened(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -> pd.DataFrame:
     """A column for each name, all on the times of the reading, or of the one with most values.
 
-    Between two of its values a column is a straight line; beside a cell that is no number it has none.
+    Between two of its values a column is a straight line; next to a cell that is not a number it has no value.
     """
     by, value = form.long
     series: dict[str, pd.Series] = {}

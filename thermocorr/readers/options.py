@@ -35,7 +35,7 @@ class Options:
     def __post_init__(self) -> None:
         if self.sep is not None:
             if self.sep not in SEPARATORS:
-                raise RecordError(f"{option('sep', repr(self.sep))} is none of: comma, semicolon, tab, bar, blanks.")
+                raise RecordError(f"{option('sep', repr(self.sep))} is not one of: comma, semicolon, tab, bar, blanks.")
             object.__setattr__(self, "sep", SEPARATORS[self.sep])
         if self.decimal not in (None, ".", ","):
             raise RecordError(f"{option('decimal', repr(self.decimal))} is neither . nor a comma.")

@@ -97,7 +97,7 @@ def guess(
     others = [name for name in others if name not in thermometers and not _stands(frame[name])] or others
     stated = [name for name in _moving(frame, thermometers) if unit_of(name, frame) in DEGREES]
     thermometers = stated or thermometers  # a unit that stands there says more than a name
-    measured = [name for name in others if not _beside(name)]
+    measured = [name for name in others if not _is_surrounding(name)]
     if reference is not None:
         own = thermometers if _is_temperature(reference, frame) and thermometers else numbers
         if reading is None and own:
@@ -128,7 +128,7 @@ def guess(
         in_doubt["reading"] = tuple(called if len(called) > 1 else measured or others)
     if temperature is None and reading is not None:
         rest = [name for name in others if name != reading]
-        if len(rest) == 1 and not _beside(rest[0]) and not _stands(frame[rest[0]]):
+        if len(rest) == 1 and not _is_surrounding(rest[0]) and not _stands(frame[rest[0]]):
             temperature, why["temperature"] = rest[0], "the only other column"
     told = {"temperature": temperature, "reading": reading}
     for role, name in told.items():
@@ -159,7 +159,7 @@ def run_among(names: Sequence[str]) -> str | None:
 
 def called_readings(names: Sequence[str]) -> list[str]:
     """Those of some columns that are called like readings."""
-    others = [name for name in names if not TEMPERATURES.search(name) and not _beside(name)]
+    others = [name for name in names if not TEMPERATURES.search(name) and not _is_surrounding(name)]
     return [name for name in others if READINGS.search(name_and_unit(name)[0].strip())]
 
 
@@ -171,7 +171,7 @@ def is_counter(column: pd.Series[Any]) -> bool:
     return bool((values[0] % 1 == 0) and (np.diff(values) == 1).mean() > 0.9)
 
 
-def _beside(name: str) -> bool:
+def _is_surrounding(name: str) -> bool:
     """True if a name is one of what is recorded with a reading."""
     return bool(SURROUNDINGS.search(name) or SPREADS.search(name.replace("_", " ")))
 
@@ -233,7 +233,7 @@ def _bare(name: str) -> str:
 def _is_temperature(name: str, frame: pd.DataFrame) -> bool:
     unit = unit_of(name, frame)
     called = not unit and bool(TEMPERATURES.search(name_and_unit(name)[0].strip()))
-    return (unit in DEGREES or called) and not _beside(name)
+    return (unit in DEGREES or called) and not _is_surrounding(name)
 
 
 def _values(column: Any) -> np.ndarray:

@@ -63,7 +63,7 @@ def _bounded(packed: IO[bytes] | gzip.GzipFile, path: Path) -> bytes:
 def decoded(content: bytes, encoding: str | None, path: Path) -> tuple[str, str]:
     """The text, its lines ended by line feeds, and its encoding: as said, as marked, UTF-8, else Windows-1252.
 
-    UTF-16 without its mark is told by its zeros. Bytes of Windows-1252 are believed in lines that are no rows: in a row
+    UTF-16 without its mark is told by its zeros. Bytes of Windows-1252 are believed above and below the rows: in a row
     they are damage. Raises RecordError for bytes that fit no encoding, with their line.
     """
     found = encoding or next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
