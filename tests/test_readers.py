@@ -430,6 +430,7 @@ def test_a_log_in_parts_is_fitted_like_the_whole_in_less_memory():
     t = np.arange(n, dtype=float)
     index = pd.date_range("2024-01-01", periods=n, freq="s", tz="Asia/Tokyo")
     whole = pd.DataFrame({"temperature": 23 + np.sin(t / 3000), "reading": np.sin(t / 3000 - 0.1)}, index)
+    DynamicBiasRegressor("temperature", [100.0]).fit(whole[["temperature"]][:100], whole["reading"][:100])  # imports
     tracemalloc.start()
     log = read_log(whole[start : start + 50_000] for start in range(0, n, 50_000))
     X, y = log.drop(columns="reading"), log["reading"]
@@ -443,6 +444,13 @@ def test_a_log_in_parts_is_fitted_like_the_whole_in_less_memory():
         read_log(iter([whole[:10], whole[10:20].drop(columns="reading")]))
     with pytest.raises(RecordError, match=r"'note' holds .*, no numbers"):
         read_log(iter([whole[:10].assign(note="x")]))
+    with pytest.raises(RecordError, match="say 'sep' where these are read"):
+        read_log(iter([whole]), sep=";")
+    with pytest.raises(RecordError, match="Give paths in a list"):
+        read_log(iter([Path("log.csv")]))
+    for wrong in ([], whole, [whole]):
+        with pytest.raises(RecordError, match="needs paths of files, or an iterator of frames"):
+            read_log(wrong)
 
 
 @pytest.mark.parametrize(

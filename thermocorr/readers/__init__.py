@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from ..records import RecordError
+from ..records.errors import listing
 from .form import Form
 from .large import gathered
 from .log import as_runs, joined, read_one, refuse_other_clocks
@@ -73,7 +75,8 @@ def read_log(
     Raises
     ------
     RecordError
-        For a file that is missing, is no log, or can be read in two ways; it names the option that settles it.
+        For a file that is missing, is not a log, or can be read in two ways (it names the option that settles it); for
+        anything else than paths or frames; for options given with frames.
 
     Examples
     --------
@@ -84,15 +87,18 @@ def read_log(
     >>> log["R [Ohm]"].tolist(), log.index[0], log.attrs["notes"][:2]
     ([1000.12, 1000.15], Timestamp('2024-05-17 12:00:00'), ['separated by semicolons', 'decimal comma'])
     """
-    if isinstance(paths, Iterator):
-        return gathered(paths)
-    return read_logs(
-        [paths] if isinstance(paths, str | Path) else list(paths),
-        Options(
-            sep=sep, decimal=decimal, encoding=encoding, names=names, na=na, sheet=sheet, reading=reading, run=run,
-            skip_bad_rows=skip_bad_rows, time=time, time_format=time_format, timezone=timezone,
-        ),
+    said = Options(
+        sep=sep, decimal=decimal, encoding=encoding, names=names, na=na, sheet=sheet, reading=reading, run=run,
+        skip_bad_rows=skip_bad_rows, time=time, time_format=time_format, timezone=timezone,
     )  # fmt: skip
+    if isinstance(paths, Iterator):
+        if said.given():
+            raise RecordError(f"Frames are taken as they are: say {listing(said.given())} where these are read.")
+        return gathered(paths)
+    files = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not files or not all(isinstance(path, str | Path) for path in files) or isinstance(paths, pd.DataFrame):
+        raise RecordError(f"read_log needs paths of files, or an iterator of frames; it got {type(paths).__name__}.")
+    return read_logs(files, said)
 
 
 def read_logs(paths: Sequence[str | Path], said: Options, form: Form | None = None) -> pd.DataFrame:

@@ -27,6 +27,10 @@ def gathered(frames: Iterator[pd.DataFrame]) -> pd.DataFrame:
     first, rows = None, 0
     with ExitStack() as stack:  # what is mapped stays, though its file has no name and is closed
         for part in frames:
+            if not isinstance(part, pd.DataFrame):
+                raise RecordError(
+                    f"Parts of a log are frames; this one is a {type(part).__name__}. Give paths in a list."
+                )
             first = part if first is None else first
             if list(part.columns) != list(first.columns) or type(part.index) is not type(first.index):
                 raise RecordError(f"Parts of a log have other columns: {listing(first)}, and {listing(part)}.")
