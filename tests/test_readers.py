@@ -424,6 +424,14 @@ def test_a_file_that_unpacks_without_end_is_refused(written, monkeypatch, ending
         read_log(written(out.getvalue(), f"bomb.{ending}"))
 
 
+@pytest.mark.parametrize("word", ["now", "today", "NOW"])
+@pytest.mark.parametrize("date", ["2024-05-31 10:0{}:00", "31.05.2024 10:0{}"])
+def test_words_for_the_present_are_no_times(written, word, date):
+    lines = [f"{date.format(k) if k != 3 else word},20.{k},5.{k}" for k in range(9)]
+    with pytest.raises(RecordError, match=f"'{word}' in 'time', line 5"):
+        read_log(written("\n".join(["time,temperature,reading", *lines, ""]).encode(), "log.csv"))
+
+
 @pytest.mark.newest  # older ones copy columns
 def test_a_log_in_parts_is_fitted_like_the_whole_in_less_memory():
     n = 1_000_000

@@ -148,6 +148,7 @@ class Clock:
         return self._strptime(text)
 
     def _strptime(self, text: pd.Series) -> pd.Index:
+        text = text.mask(text.isin(_NOW))
         late = text.str.contains(" 24:00", regex=False, na=False)
         text = text.str.replace(" 24:00", " 00:00", regex=False) if late.any() else text
         utc, form = "%z" in self.format, self.format
