@@ -63,9 +63,9 @@ def test_a_block_without_any_temperature_takes_up_its_rows(track):
     """In a record without times: what comes then has the place that it has in one block or sample by sample."""
     X, y = stream(300, 4, holes=False)
     X, y = X[["temperature"]].reset_index(drop=True), y.reset_index(drop=True)
-    X.loc[100:104] = math.nan
+    X.loc[200:204] = math.nan
     model = DynamicBiasRegressor(time_constants=[300.0], sampling_period=60.0).fit(X[:200], y[:200])
-    X, y = X[100:], y[100:]
+    X, y = X[200:], y[200:]
     live, single = OnlineCorrector(model, track=track), OnlineCorrector(model, track=track)
     parts = [live.update_many(X[:3], y[:3]), live.update_many(X[3:], y[3:])]
     together = pd.concat(parts)
@@ -76,13 +76,6 @@ def test_a_block_without_any_temperature_takes_up_its_rows(track):
     assert live.state()["next_row"] == single.state()["next_row"]
     if track is not None:
         np.testing.assert_allclose(together["reference"], [sample.reference for sample in samples], rtol=1e-12)
-
-
-def test_a_first_row_is_for_records_without_times():
-    X, y = stream(200, 5, holes=False)
-    model = DynamicBiasRegressor(time_constants=[300.0]).fit(X, y)
-    with pytest.raises(ValueError, match="'first_row' parameter is for records without times"):
-        OnlineCorrector(model, first_row=3)
 
 
 @pytest.mark.parametrize(

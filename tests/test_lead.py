@@ -5,7 +5,7 @@ import pytest
 from effect_records import columns_of, learned, log, whole
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
+from thermocorr import DynamicBiasRegressor, OnlineCorrector
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Lead
 from thermocorr.effects.stream import own_starts, walk
@@ -60,23 +60,6 @@ def ahead(seed, lead, noise=None):
     return record.drop(columns="reading").assign(temperature=late)[kept], record["reading"][kept]
 
 
-@pytest.mark.parametrize("irregular", [0.0, 0.5])
-@pytest.mark.parametrize("lead", [60.0, 75.0, 1000.0])
-def test_rows_behind_the_fit_tell_what_came_after_its_end(irregular, lead, tmp_path):
-    """The temperature after the last fitted row was not known: lags must not go on from what stood for it."""
-    X = log(900, irregular=irregular)
-    seconds = (X.index - X.index[0]).total_seconds().to_numpy()
-    y = X["temperature"] + np.interp(seconds + lead, seconds, X["temperature"])
-    model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Lead(lead, ["15 min", "2 h"])])
-    whole = model.fit(X[:600], y[:600]).predict(X)
-    save_model(model, tmp_path / "model.json")
-    for one in (model, load_model(tmp_path / "model.json")):
-        for stop in (900, 700, 601):
-            predicted = one.predict(X[600:stop])
-            known = seconds[600:stop] + lead <= seconds[stop - 1] if stop < 900 else np.full(300, True)
-            np.testing.assert_allclose(predicted[known], whole[600:stop][known], rtol=1e-10)
-
-
 @pytest.mark.parametrize("effect", [Lead(300.0), Lead(300.0, [900.0])], ids=repr)
 @pytest.mark.parametrize("irregular", [0.0, 0.5])
 def test_rows_passed_over_where_a_block_looks_ahead_do_not_end_the_record(effect, irregular):
@@ -90,5 +73,4 @@ def test_rows_passed_over_where_a_block_looks_ahead_do_not_end_the_record(effect
         np.testing.assert_allclose(np.vstack([part.columns for part in parts]), at_once[0].columns, rtol=1e-12)
         if isinstance(effect, Lead) and len(effect.time_constants_):
             carried, expected = parts[-1].states[0], at_once[0].states[0]
-            np.testing.assert_array_equal(carried[3], expected[3])  # their times
-            np.testing.assert_allclose(carried[1].lag_difference, expected[1].lag_difference, rtol=1e-12)
+            np.testing.assert_allclose(carried.lag_difference, expected.lag_difference, rtol=1e-12)

@@ -55,16 +55,6 @@ def test_every_kind_of_effect_lives(effect):
         agree(model, some, readings, got, [s.flag for s in single])
 
 
-@pytest.mark.parametrize("row", [0, 200, 430])
-def test_a_sample_without_a_time_is_placed_where_its_values_stand_in_the_fitted_record(row):
-    X, y = stream(600, 3, holes=False)
-    X, y = X.reset_index(drop=True), y.reset_index(drop=True)
-    model = DynamicBiasRegressor(time_constants=[300.0], sampling_period="1 min").fit(X[:450], y[:450])
-    some = slice(row, row + 20)
-    single = one_by_one(OnlineCorrector(model), X[some].set_axis([None] * 20), y[some])
-    agree(model, X[some], y[some], [s.corrected for s in single], [s.flag for s in single])
-
-
 LAYOUTS = {
     "zone": lambda X: (X.tz_localize("Europe/Berlin"), {}),
     "spans": lambda X: (X.set_axis(X.index - X.index[0]), {}),

@@ -18,7 +18,7 @@ from thermocorr import (
     save_model,
 )
 from thermocorr.datasets import make_record
-from thermocorr.effects import CATALOGUE, Covariate, Step
+from thermocorr.effects import CATALOGUE, Step
 from thermocorr.estimators.averages import rms
 from thermocorr.judgement.data import record_of
 from thermocorr.judgement.refine import with_missing
@@ -208,27 +208,3 @@ def test_a_reading_of_a_run_that_was_never_seen_may_be_at_any_of_the_levels():
     np.testing.assert_allclose(unknown[-100:], 40.0, rtol=0.02)
     assert known.max() < 2 * NOISE
     assert model.correct(new, y[-500:].set_axis(new.index), return_std=True)[1][-100:].max() < 2 * NOISE
-
-
-@pytest.mark.parametrize("runs", [1, 3])
-def test_a_model_without_an_effect_is_that_of_a_fit_without_it(runs, tmp_path):
-    """By the factors of the record alone; and it is a model as any other."""
-    record = make_record(3000, seed=7, runs=runs, effects={"covariate": 1.0})
-    X, y = record.drop(columns="reading"), record["reading"]
-    options = {"run": "run"} if runs > 1 else {}
-    effects = [("moist", Covariate("humidity")), ("weather", Covariate("pressure"))]
-    model = DynamicBiasRegressor("temperature", TIMES, effects=effects, **options).fit(X, y)
-    less = model.without_effect("moist")
-    other = DynamicBiasRegressor("temperature", TIMES, effects=effects[1:], **options).fit(X, y)
-    np.testing.assert_allclose(less.coef_, other.coef_, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(less.correct(X, y), other.correct(X, y), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(less._standard_errors(), other._standard_errors(), rtol=1e-6)
-    np.testing.assert_allclose(less.uncertainty(X, y).u, other.uncertainty(X, y).u, rtol=1e-6)
-    later = X.assign(humidity=np.nan)  # nothing asks for it any more
-    assert list(less.flags(later, y)) == list(other.flags(X, y))
-    constant = DynamicBiasRegressor("temperature", TIMES, effects=effects, **options).fit(X.assign(humidity=50.0), y)
-    assert any("'humidity' never changes" in note for note in constant.notes_)
-    assert not any("humidity" in note for note in constant.without_effect("moist").notes_)
-    loaded = load_model(save_model(less, tmp_path / "less.json"))
-    np.testing.assert_array_equal(loaded.predict(X), less.predict(X))
-    assert not hasattr(loaded.without_effect("weather"), "pipeline_")  # a file has no factors

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..equations import LagState, lag_differences
+from ..equations import lag_differences
 from ..records import Block, Record, seconds_of
 from ..records.numbers import span_text
 from .grids import time_grid
@@ -35,12 +35,6 @@ def last_of(rows: Any) -> Any:
     return slice(rows.stop - 1, rows.stop) if isinstance(rows, slice) else rows[-1:]
 
 
-def segment_end(block: Block) -> float:
-    """Seconds from the beginning of a block's segment to its last row."""
-    stop = block.record.segments[block.segment].stop
-    return float(elapsed(block, block.record.rows(stop - 1, stop))[0])
-
-
 def elapsed(block: Block, rows: Any) -> np.ndarray:
     """Seconds of rows since the segment of a block began."""
     return np.asarray(block.record.times.seconds(rows, block.segment_zero))
@@ -51,28 +45,11 @@ def temperatures(block: Block, rows: Any) -> np.ndarray:
     return np.asarray(block.record.columns[block.record.temperature_name][rows], float)
 
 
-class _Carried(NamedTuple):
-    """The lags after a block, and the rows at the end of its segment whose later temperatures were not known."""
-
-    last: LagState | None
-    """After the last row."""
-    sure: LagState | None = None
-    """Before the first of the rows that are carried on."""
-    steps: np.ndarray = np.zeros(0)
-    """Steps to the rows that are carried on [s]."""
-    elapsed: np.ndarray = np.zeros(0)
-    """Times of these rows since the segment began [s]."""
-    temperature: np.ndarray = np.zeros(0)
-    until: float = 0.0
-    """End of the segment as it was known [s]."""
-
-
 class Lead(Effect):
     """The reading runs ahead of the thermometer: T(t + d) - T(t) [K], the temperature of later less that of now.
 
     The opposite of a `Delay`. T is a straight line between samples; after the last sample of a segment it stays as it
-    was, so the last d seconds of what is transformed at once count as if the temperature stood still. Rows that follow
-    on the fitted record tell what came after its end: lags go on from what was really ahead.
+    was, so the last d seconds of what is transformed at once count as if the temperature stood still.
 
     A stream does not know what comes later, so there is no live correction with it and no C code; both refuse it. There
     are two ways out. Shift the column (on even steps ``X["temperature"].shift(-k)`` with k steps of lead), fit without
@@ -147,37 +124,8 @@ class Lead(Effect):
         ahead = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T) - block.temperature
         if not len(self.time_constants_):
             return ahead, None
-        known_until, until = elapsed(block, last_of(rows))[0], segment_end(block)
-        before = _Carried(*state) if type(state) is tuple else _Carried(state)
-        if len(before.elapsed) and before.until != until:  # this record goes on where that of the state ended
-            before = self._caught_up(before, elapsed(block, rows), T)
-        lagged, last = self._lags(ahead, block.steps, before.last)
-        known = int(np.count_nonzero(block.elapsed + self.lead_ <= known_until))
-        if known == len(block):
-            return np.column_stack((ahead, lagged)), tuple(_Carried(last, until=until))
-        sure = before.sure if len(before.elapsed) else self._lags(ahead[:known], block.steps[:known], before.last)[1]
-        after = _Carried(
-            last,
-            sure,
-            np.append(before.steps, block.steps[known:]),
-            np.append(before.elapsed, block.elapsed[known:]),
-            np.append(before.temperature, block.temperature[known:]),
-            until,
-        )
-        return np.column_stack((ahead, lagged)), tuple(after)
-
-    def _lags(self, ahead: np.ndarray, steps: np.ndarray, state: LagState | None) -> tuple[Any, LagState | None]:
-        """Lag differences of the lead, eq. (19), and the state behind them; of no rows, the one before."""
-        return lag_differences(ahead, steps, self.time_constants_, state) if len(ahead) else (None, state)
-
-    def _caught_up(self, carried: _Carried, times: np.ndarray, temperature: np.ndarray) -> _Carried:
-        """The lags of the rows that were carried on, by what is known now of the temperatures behind them."""
-        at, later = carried.elapsed, np.append(carried.temperature, temperature)
-        ahead = np.interp(at + self.lead_, np.append(at, times), later) - carried.temperature
-        known = int(np.count_nonzero(at + self.lead_ <= times[-1]))
-        sure = self._lags(ahead[:known], carried.steps[:known], carried.sure)[1]
-        last = self._lags(ahead[known:], carried.steps[known:], sure)[1]
-        return _Carried(last, sure, carried.steps[known:], at[known:], carried.temperature[known:], carried.until)
+        lagged, state = lag_differences(ahead, block.steps, self.time_constants_, state)  # eq. (19)
+        return np.column_stack((ahead, lagged)), state
 
     def label(self) -> str:
         """``lead: 40 s``."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,10 +31,6 @@ class Binned:
     """Which rows of the history have a reading, as packed bits; None where all have one."""
     columns: np.ndarray | None = None
     """Means of the model's columns, shape (n, p); None where the history holds every row to make them from."""
-
-    def ordered(self, columns: Sequence[int]) -> Binned:
-        """The columns in another order."""
-        return self if self.columns is None else replace(self, columns=self.columns[:, list(columns)])
 
 
 class Binning:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from copy import copy
 from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
@@ -261,21 +260,6 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     def remember(self, record: Record, end_states: list[list[Any]]) -> None:
         """Keep what ties later rows to this record."""
         self.history_ = History.of(record, end_states, self.longest_step(), screen=self.screen_)
-
-    def without(self, at: int) -> DiffusiveFeatures:
-        """A fitted copy without the effect of this place; rows and what the screen knows of needed columns stay."""
-        left, history = copy(self), self.history_
-        left.effects_ = [*self.effects_[:at], *self.effects_[at + 1 :]]
-        needed = {history.record.temperature_name, *needed_columns(left.effect_list())}
-        columns = {name: values for name, values in history.record.columns.items() if name in needed}
-        ends = tuple([*states[:at], *states[at + 1 :]] for states in history.end_states)
-        if self.screen_ is not None:
-            inputs = {name: limits for name, limits in self.screen_.inputs.items() if name in needed}
-            left.screen_ = replace(self.screen_, inputs=inputs)
-        record = replace(history.record, columns=columns)
-        ranges = {name: history.ranges[name] for name in columns}
-        left.history_ = replace(history, record=record, end_states=ends, screen=left.screen_, ranges=ranges)
-        return left
 
     def thermometers(self) -> Thermometers:
         """Thermometers among the columns."""

@@ -103,12 +103,6 @@ class Swept:
     bordered: BorderedFactor | None = None
     """What the segments say of columns of their own and of those they share; None where nobody made it."""
 
-    def selected(self, columns: Sequence[int]) -> Swept:
-        """Some of the columns of Q alone; states at ends of segments are not kept."""
-        kept = [0, *(1 + k for k in columns), self.chunks[0].r.shape[1] - 1]
-        chunks, binned = [chunk.select(kept) for chunk in self.chunks], self.binned and self.binned.ordered(columns)
-        return Swept(chunks, [], self.reading_offset, binned)
-
     def without(self, columns: Sequence[int]) -> Swept:
         """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
         for factor in self.chunks:

@@ -18,7 +18,7 @@ from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
 from ..readers.form import Form
 from ..records import Block, Record
-from ..records.errors import quoted, warn
+from ..records.errors import warn
 from ..records.segments import Flags
 from .choosing import choose, choose_again, penalty
 from .coverage import Coverage
@@ -226,40 +226,6 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.n_features_in_ = self.features_.n_features_in_
         if hasattr(self.features_, "feature_names_in_"):
             self.feature_names_in_ = self.features_.feature_names_in_
-
-    def without_effect(self, name: str) -> DynamicBiasRegressor:
-        """A copy without one of its `effects`, fitted to the same rows with the same time constants and penalty.
-
-        It is solved from factors of the record, without another look at the data. Where this model is not fitted, or
-        was read from a file, the copy is unfitted.
-
-        Parameters
-        ----------
-        name : str
-            As in a (name, effect) pair, or the kind and columns: "covariate_humidity".
-
-        Raises
-        ------
-        ValueError
-            For a name that none of them has.
-        """
-        model: DynamicBiasRegressor = super().without_effect(name)
-        if not hasattr(self, "_swept"):
-            return model
-        features = self.features_
-        at = [given for given, _ in features.effects_].index(name)
-        widths = [effect.n_columns() for effect in features.effect_list()]
-        low, left = sum(widths[:at]), features.without(at)
-        left.set_params(effects=self._run_levels.beside(as_effects(model.effects)))
-        kept = [k for k in range(len(self.coef_)) if not low <= k < low + widths[at]]
-        same = (
-            "_degree", "search_", "_run_levels", "reading_", "form_", "alpha_", "n_features_in_", "feature_names_in_",
-        )  # fmt: skip
-        model.__dict__ |= {key: self.__dict__[key] for key in same if key in self.__dict__}
-        unused = [column for column in features.history_.record.columns if column not in left.history_.record.columns]
-        model.notes_ = tuple(note for note in self.notes_ if not any(quoted(column) in note for column in unused))
-        model._take(left, self._swept.selected(kept))
-        return model
 
     def predict(self, X: Any, return_std: bool = False) -> Any:
         """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.

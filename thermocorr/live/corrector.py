@@ -16,7 +16,7 @@ from ..equations import MovingAverage
 from ..estimators import DynamicBiasRegressor
 from ..estimators.unit_guard import UnitGuard
 from ..records import RecordError, read_record
-from ..records.errors import check_bool, check_int, quoted
+from ..records.errors import check_bool, quoted
 from ..records.numbers import as_data, is_frame
 from ..records.read import times_of
 from .advance import Advanced, Stream
@@ -40,8 +40,9 @@ class OnlineCorrector:
     """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
-    row repeats it; any other starts afresh, at rest, and is flagged for the model's washout. A
-    step longer than the model's `max_gap` and a change of the run start afresh too. A sample that lacks its
+    row repeats it; any other starts afresh, at rest, and is flagged for the model's washout. A step longer than the
+    model's `max_gap` and a change of the run start afresh too. Where the record has no times, a first block is placed
+    as `correct` places its rows, and a first single sample follows on the fitted rows. A sample that lacks its
     temperature, or a column that the model needs, is passed over as if it had not come.
 
     A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is believed until the next
@@ -59,10 +60,6 @@ class OnlineCorrector:
         constant [s], starting with the model's U0. Flagged readings do not enter; a gap alone does not keep one out.
     continues : bool, default True
         False starts afresh whatever the first sample's time is: another instrument of the same kind, say.
-    first_row : int, optional
-        For a model of a record without times: number of the stream's first row, counted from the first fitted one. By
-        default a first block is placed as `correct` places its rows, and a first single sample on the fitted row that
-        it repeats, where only one has these digits; any other follows on the fitted record.
     uncertainty : bool, default False
         Report the standard uncertainty of each corrected reading too, `u`, and of the moving average, `u_smoothed`: as
         ``correct(X, y, return_std=True)``. NaN where there is no corrected reading, and in the washout.
@@ -87,7 +84,6 @@ class OnlineCorrector:
         average: int | None = None,
         track: Any = None,
         continues: bool = True,
-        first_row: int | None = None,
         uncertainty: bool = False,
     ):
         if not isinstance(model, DynamicBiasRegressor):
@@ -99,7 +95,7 @@ class OnlineCorrector:
         self.model = model
         self.average = None if average is None else MovingAverage(average)
         self.track = None if track is None else Tracker(track, model.intercept_)
-        self.continues, self.first_row = check_bool("OnlineCorrector", "continues", continues), first_row
+        self.continues = check_bool("OnlineCorrector", "continues", continues)
         self.errors = LiveErrors(model) if uncertainty else None
         self._stream = Stream(model, self.continues, self.errors)
         self._screen = self._stream.history.later_screen
@@ -164,17 +160,9 @@ class OnlineCorrector:
         self._stream.reset()
         self._doubt: StreamState | None = None
         self._placed = self._stream.history.kind != "rows" or not self.continues
-        if self.first_row is not None:
-            self.place(self.first_row)
         for part in (self.average, self.track):
             if part is not None:
                 part.reset()
-
-    def place(self, row: int) -> None:
-        """Say which row of the record the next sample is, for a record without times; see `first_row`."""
-        if self._stream.history.kind != "rows":
-            raise ValueError("The 'first_row' parameter is for records without times: these rows have their own.")
-        self._stream.clock.next_row, self._placed = check_int("OnlineCorrector", "first_row", row, 0), True
 
     def place_block(self, X: Any) -> bool:
         """Take these rows for the next ones of a record without times, and find them in it as `correct` does.
@@ -187,18 +175,7 @@ class OnlineCorrector:
             row = history.first_row(self._screen.without_codes(record, history.max_gap))
         except RecordError:
             return False
-        self.place(clock.next_row if row == history.n_fitted else row)
-        return True
-
-    def _found(self, values: dict[Any, float]) -> bool:
-        """Place the first sample that has all it needs; one that has not takes a row, wherever that is."""
-        clock, history = self._stream.clock, self._stream.history
-        coded = any(limits.reason(values[name], None) for name, limits in self._screen.inputs.items())
-        if coded or not all(map(math.isfinite, values.values())):
-            clock.next_row += 1
-            return False
-        row = history.row_of(values)
-        self.place(clock.next_row if row == history.n_fitted else row)
+        clock.next_row, self._placed = clock.next_row if row == history.n_fitted else row, True
         return True
 
     def stamp(self, time: Any) -> Any:
@@ -244,11 +221,8 @@ class OnlineCorrector:
 
     def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
         """`update` on what it makes of its arguments: a `stamp`, the temperature and columns, the reading."""
-        stream = self._stream
         if stamp is None:
-            if not self._placed and not self._found(values):
-                return self._accompanied(math.nan, Advanced(math.nan, (NO_TEMPERATURE,), False), stream.clock.next_row)
-            stamp = stream.clock.stamp(None)
+            stamp, self._placed = self._stream.clock.stamp(None), True
         return self._advance(stamp, run, values, U)
 
     def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:

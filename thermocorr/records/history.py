@@ -363,19 +363,6 @@ class History:
                 return first_row
         return self.n_fitted
 
-    def row_of(self, values: Mapping[object, float]) -> int:
-        """Number of the fitted row with these values, where every row has its own; else the first after the fitted.
-
-        Where fitted rows hardly ever repeat their digits, a new row repeats an old one's by chance in about one case of
-        their number; where they do repeat, one row cannot tell.
-        """
-        kept = np.column_stack([self.record.columns[name] for name in self.record.columns])
-        found = np.flatnonzero((kept == [values[name] for name in self.record.columns]).all(axis=1))
-        if self.stride != 1 or len(found) != 1 or len(np.unique(kept, axis=0)) < len(kept):
-            return self.n_fitted
-        assert self.record.times.ticks is not None
-        return int(self.record.times.ticks[found[0]])
-
     def _repeats(self, record: Record, first_row: int, numbers: NDArray[np.intp]) -> bool:
         inside = (numbers >= first_row) & (numbers < first_row + record.n_rows)
         rows = numbers[inside] - first_row
