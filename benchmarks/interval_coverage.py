@@ -112,7 +112,7 @@ def judged(kind: str, seed: int, n: int, searched: bool) -> dict[str, Any]:
         "bias u": rms(u_bias.to_numpy()[rows]), "bias e2": squares(wrong, u_bias.to_numpy()[rows]),
     }  # fmt: skip
     plain = {part: value for part, value in signed.variances.items() if part != "structure"}
-    reading_u = np.sqrt(np.maximum(sum(plain.values()) - 2 * signed.shared, 0))[rows]
+    reading_u = np.sqrt(sum(plain.values()))[rows]
     reading_e = (signed.corrected - level)[rows]
     k_reading = coverage_factor(signed.dof[rows], 0.95)
     found |= {

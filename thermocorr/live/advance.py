@@ -202,8 +202,7 @@ class Stream:
             return Advanced(bias, FLAGS[mask], not mask & ~GAP)
         columns = np.zeros((1, self._edges[-1]))
         columns[0, self._active] = row
-        seconds, temperature, value = (np.array([number]) for number in (sample.seconds, T, bias))
-        found = self.errors.variances(columns, seconds, temperature, value, sample.key)
+        found = self.errors.variances(columns, np.array([sample.seconds]), np.array([bias]))
         found[0] += doubt * doubt + unknown
         return Advanced(bias, FLAGS[mask], not mask & ~GAP, found)
 
@@ -357,10 +356,7 @@ class Stream:
                 flags[steps[block.rows] > SUSPECT_GAPS * self.gap] = "suspect time"
                 out.bias[into], out.flags[into] = bias, flags
                 if self.errors is not None:
-                    step = walked[0][0]
-                    found = self.errors.variances(
-                        step.columns, block.seconds, block.temperature, bias, block.segment_key
-                    )
+                    found = self.errors.variances(walked[0][0].columns, block.seconds, bias)
                     found[0] += doubt**2 + unknown
                     unsure = np.isnan(measured[block.rows]) | flags.are("no reading")
                     found[:, unsure | self.model._in_washout(block)] = np.nan

@@ -40,15 +40,13 @@ class LiveErrors:
         self._columns = [column for effect in joint.effects for column in place[id(effect)]]
         self._mean_variances: dict[int, float] = {}
 
-    def variances(
-        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, bias: np.ndarray, key: int | None
-    ) -> np.ndarray:
-        """Variance of the bias (less what it shares with the noise), and of the noise over its usual one, shape (2, n).
+    def variances(self, columns: np.ndarray, seconds: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        """Variance of the bias, and of the noise over its usual one, shape (2, n).
 
-        `columns` are those of all `effects`, shape (n, p); `key` is the fitted segment that the rows belong to.
+        `columns` are those of all `effects`, shape (n, p).
         """
-        errors = self._walk.errors(columns[:, self._columns], seconds, temperature, bias, key)
-        return np.stack((errors.bias - 2 * errors.shared, errors.noise))
+        errors = self._walk.errors(columns[:, self._columns], seconds, bias)
+        return np.stack((errors.bias, errors.noise))
 
     def u(self, variances: np.ndarray, count: int = 1) -> np.ndarray:
         """Standard uncertainty of corrected readings, or of the mean of the last `count`, shape (n,).

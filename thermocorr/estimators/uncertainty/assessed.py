@@ -56,7 +56,7 @@ def uncertainty_of(
     That is "structure".
     """
     n = record.n_rows
-    corrected, bias, shared = (np.full(n, np.nan) for _ in range(3))
+    corrected, bias = (np.full(n, np.nan) for _ in range(2))
     variances = {part: np.full(n, np.nan) for part in PARTS}
     inputs, status = np.zeros(n), no_flags(record)
     noise = joint.noise
@@ -79,7 +79,6 @@ def uncertainty_of(
         for part, variance in each.items():
             variances[part][rows] = variance + lost
         inputs[rows] = record.input_variance(rows)
-        shared[rows] = errors.shared + lost
         fine = "provisional" if why_provisional else "signed"
         flags[flags.are("")] = fine
         status[rows] = flags
@@ -87,7 +86,7 @@ def uncertainty_of(
     variances["sensor"] = fixed + own + inputs + 0.0 * variances["noise"]
     return Uncertainty(
         model=model, joint=joint, record=record, index=index, corrected=corrected, bias=bias, variances=variances,
-        shared=shared, sensor_own=own, status=status.texts(), sensor=sensor, reference=reference, coverage=coverage,
+        sensor_own=own, status=status.texts(), sensor=sensor, reference=reference, coverage=coverage,
         why_provisional=why_provisional, allow_missing=allow_missing,
     )  # fmt: skip
 

@@ -20,7 +20,6 @@ from sklearn.base import clone
 from ...effects import InitialTransient, LaggedCovariate
 from ...effects.protocol import Effect
 from ...effects.thermal import ThermalLag
-from ...equations import TriangularFactor
 from ...equations.noise import RATIO, Bands, fitted_parts, spans
 from ...records import History
 from ..binned import Binned, binned_columns
@@ -36,20 +35,6 @@ LEAST = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Within:
-    """Cross products of rows about their bins' means."""
-
-    columns: np.ndarray
-    """Shape (p, p)."""
-    moments: np.ndarray
-    """With the reading, shape (p,)."""
-    power: float
-    """Sum of squares of the readings' distances."""
-    freedom: int
-    """Rows less bins."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Restricted:
     """Restricted likelihood of a record: its noise and coefficients."""
 
@@ -57,8 +42,6 @@ class Restricted:
     """Variances of the parts of the noise of bins, white first, shape (parts,)."""
     theta_covariance: np.ndarray
     """Shape (parts, parts)."""
-    within: float
-    """Variance of the rows within bins; 0 where a bin is a row."""
     coef: np.ndarray
     """Generalised least squares, shape (p,)."""
     covariance: np.ndarray
@@ -79,20 +62,13 @@ class BandSums:
     `columns` (array of shape (n, p)): Of about unit length each. `reading` (array of shape (n,)). `span` (array of
     shape (n,)): Number of the span of each row; the noise of different spans is independent. `groups` (sequence of
     arrays of shape (p,)): Each the inverse variances, up to a common scale, of coefficients that are drawn alike; 0
-    for the others. `within` (Within, optional): Beside bins of several rows. `theta` (ndarray of shape (parts,)):
+    for the others. `theta` (ndarray of shape (parts,)):
     Variances of the parts of the noise, white first, by the turns so far. `times` (ndarray of shape (parts - 1,)):
     Correlation times of the wandering parts [rows]. `scales` (ndarray of shape (groups,)): Prior variances of the
-    groups. `fast` (float): Variance of rows within their bins.
+    groups.
     """
 
-    def __init__(
-        self,
-        columns: np.ndarray,
-        reading: np.ndarray,
-        span: np.ndarray,
-        groups: Sequence[np.ndarray] = (),
-        within: Within | None = None,
-    ):
+    def __init__(self, columns: np.ndarray, reading: np.ndarray, span: np.ndarray, groups: Sequence[np.ndarray] = ()):
         # Longest correlation time, as a share of the record: random walks are slower than any. Readings in a random
         # walk are covered in 93, 99, 100 % with 0.5, 1, 2; where the noise remembers a quarter of the record they are
         # stated 1.0 times as uncertain as they are with 0.5, 1.4 times with 2 (time constants given): `python
@@ -105,9 +81,8 @@ class BandSums:
         self.products = np.stack([A[a:b].T @ A[a:b] for a, b in pairwise(edges)])
         self.moments = self.bands.sums(A * z[:, None])
         self.power = np.maximum(self.bands.sums(z**2), EXACT)
-        self.groups, self.within = groups, within
+        self.groups = groups
         self.scales = np.full(len(groups), max(float(np.sum(z**2)) / columns.shape[1], EXACT))
-        self.fast = within.power / max(within.freedom, 1) if within else 0.0
         variance = max(float(np.mean(z**2)), EXACT)
         parts = self.parts.shape[1]
         self.models = AveragedModels(self.parts)
@@ -124,8 +99,6 @@ class BandSums:
         """Coefficients under the present noise and priors, and their covariance."""
         W = 1 / (self.parts @ self.theta)
         H, b = np.tensordot(W, self.products, axes=1), W @ self.moments
-        if self.within and self.fast > 0:
-            H, b = H + self.within.columns / self.fast, b + self.within.moments / self.fast
         H[np.diag_indices(len(H))] += self.precision()
         V = inverse(H)
         return V @ b, V
@@ -140,21 +113,9 @@ class BandSums:
             if averaged
             else fitted_parts(self.parts, share, power[:, None], start)[:, 0]
         )
-        if self.within and self.within.freedom > 0:
-            rest = self.within.power - 2 * coef @ self.within.moments + coef @ self.within.columns @ coef
-            self.fast = max(rest, 1e-9 * self.within.power) / self.within.freedom
         for i, group in enumerate(self.groups):
             known = float(np.sum(group > 0) - np.sum(group * np.diag(V)) / self.scales[i])
             self.scales[i] = max(float(np.sum(group * coef**2)) / max(known, 0.1), 1e-300)
-
-    def last_covariance(self, last: np.ndarray) -> np.ndarray:
-        """Covariance of the coefficients with each part of the noise at the end of the record, shape (p, parts).
-
-        `last` is the correlation of each row with that end, for each wandering part, shape (n, parts - 1).
-        """
-        W = 1 / self.bands.each_row(self.parts @ self.theta)
-        through = self.columns.T @ (W[:, None] * self.bands.forward(last * self.theta[1:]))
-        return np.asarray(self.solved()[1] @ through)
 
     def left(self, coef: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Degrees of freedom that the coefficients leave in each band, and sums of squares."""
@@ -211,12 +172,7 @@ class BandSums:
         weighted = self.products / (S**2)[:, None, None]
         by_part = np.stack([V @ np.tensordot(part, weighted, axes=1) @ V for part in self.parts.T])
         return Restricted(
-            theta=self.theta,
-            theta_covariance=np.atleast_2d(np.cov(again)),
-            within=self.fast,
-            coef=coef,
-            covariance=V,
-            by_part=by_part,
+            theta=self.theta, theta_covariance=np.atleast_2d(np.cov(again)), coef=coef, covariance=V, by_part=by_part
         )
 
 
@@ -311,8 +267,6 @@ class Basis:
     """Rows of a bin."""
     groups: list[np.ndarray]
     """Coefficients that have a prior: 1 for those drawn alike, 0 for others, shape (p,) each."""
-    in_fit: np.ndarray
-    """Where each of the columns stands in the fit's factors, -1 for those that the model leaves out, shape (p,)."""
     searched: bool
     """True if the lags of a whole grid stand for those of the model."""
     slow: np.ndarray
@@ -322,7 +276,7 @@ class Basis:
         """A basis in which these have no error and no coefficient."""
         kept = ~self.slow
         return replace(
-            self, columns=self.columns[:, kept], free=self.free[kept], in_fit=self.in_fit[kept], slow=self.slow[kept],
+            self, columns=self.columns[:, kept], free=self.free[kept], slow=self.slow[kept],
             groups=[group[kept] for group in self.groups],
         )  # fmt: skip
 
@@ -346,8 +300,6 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         means, ends = binned_columns(effects, history, bins)
         history = replace(history, end_states=tuple(ends))
     columns = np.column_stack((np.ones(len(means)), means))
-    names = ["", *(name for effect in effects for name in effect.names())]
-    fitted_names = ["", *model.features_.get_feature_names_out()]
     free, starts = np.arange(columns.shape[1]), np.zeros(len(columns))
     if len(history.record.segments) > MOST_SEGMENTS:  # their starts have no say on the rest
         decays = np.array([False, *(isinstance(e, InitialTransient) for e in effects for _ in e.names())])
@@ -363,7 +315,6 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         inside=(low - model.reference_temperature_, high - model.reference_temperature_),
         time_constants=model.time_constants_,
         searched=not own and len(grid) > 0, slow=_slower(effects, grid, usual_longest)[free],
-        in_fit=np.array([fitted_names.index(names[i]) if names[i] in fitted_names else -1 for i in free]),
         groups=[group[free] for group in _priors(effects, model.features_.effect_list())],
     )  # fmt: skip
 
@@ -465,25 +416,3 @@ class ScaledBasis:
     def only(self, kept: np.ndarray) -> ScaledBasis:
         """Some of the columns, shape (p,): True for those that stay."""
         return replace(self, columns=self.columns[:, kept], norms=self.norms[kept])
-
-
-def within_bins(factor: TriangularFactor, basis: Basis, scaled: ScaledBasis) -> Within | None:
-    """`Within` from the factor of all rows; None where it is not known, or a bin is a row."""
-    if basis.rows == 1 or basis.searched or len(basis.free) < basis.width:
-        return None
-    own = basis.in_fit >= 0  # decays that the model leaves out hardly change within a bin
-    r = factor.r[:, [*basis.in_fit[own], -1]]
-    r[:, -1] -= scaled.mean * r[:, 0]
-    whole, columns, y, norms = r.T @ r, basis.columns[:, own], basis.reading - scaled.mean, scaled.norms[own]
-    values, vectors = np.linalg.eigh(
-        (whole[:-1, :-1] - columns.T @ (basis.count[:, None] * columns)) / norms[:, None] / norms
-    )
-    half, moments = np.zeros((len(own), len(values))), np.zeros(len(own))
-    half[own] = vectors * np.sqrt(np.maximum(values, 0.0))
-    moments[own] = (whole[:-1, -1] - columns.T @ (basis.count * y)) / norms / scaled.unit
-    return Within(
-        columns=half @ half.T,
-        moments=moments,
-        power=max(float(whole[-1, -1] - basis.count @ y**2), 0.0) / scaled.unit**2,
-        freedom=factor.n_rows - len(columns),
-    )

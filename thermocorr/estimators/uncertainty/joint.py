@@ -8,7 +8,6 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
 
 from ...effects.expressions import follows_temperature
 from ...effects.protocol import Effect
@@ -16,11 +15,11 @@ from ...effects.signals import DelayState
 from ...effects.stream import Walked, resume, walk
 from ...equations import LagState, RidgeSolution
 from ...records import Block, History, Record
-from ...records.hints import Counted, Loose, Size, Sizes, Variance, Vector
+from ...records.hints import Loose, Size, Sizes, Variance, Vector
 from ...records.units import difference_unit
 from ..fitting import Swept
 from ..time_constants.spectrum import TOLERANCE
-from .covariance import BandSums, Basis, Restricted, ScaledBasis, basis_of, within_bins
+from .covariance import BandSums, Basis, Restricted, ScaledBasis, basis_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,20 +153,6 @@ class NoiseModel:
         spread = self.white**2 / self.white_dof + self.wander_variance**2 / self.wander_dof
         return self.variance**2 / spread if spread > 0 else np.inf
 
-    def averaged(self, other: NoiseModel, share: float) -> NoiseModel:
-        """Mean of two for one record, this one with a share of 0 to 1; the correlation times are the same."""
-        white = share * self.white + (1 - share) * other.white
-        forgotten = share * self.white * self.recent + (1 - share) * other.white * other.recent
-        wandering = self.wander_variance, other.wander_variance
-        return replace(
-            self,
-            white=white,
-            recent=forgotten / white if white > 0 else 0.0,
-            wander=share * self.wander + (1 - share) * other.wander,
-            white_dof=dof_of_average((self.white, other.white), (self.white_dof, other.white_dof), share),
-            wander_dof=dof_of_average(wandering, (self.wander_dof, other.wander_dof), share),
-        )
-
     def covariance(self, seconds: np.ndarray, runs: np.ndarray) -> np.ndarray:
         """Covariance matrix of the noise of different readings, shape (n, n); that of different runs is independent."""
         lag, size = np.abs(seconds[:, None] - seconds), self.size(seconds)
@@ -193,16 +178,6 @@ class NoiseModel:
         parts = zip(self.wander.tolist(), self.correlation_times.tolist(), strict=True)
         wander = sum(variance * _mean_correlation(steps, time) for variance, time in parts if variance > 0)
         return larger * self.white * _mean_correlation(steps, self.recent), larger * float(wander)
-
-
-def dof_of_average(variances: tuple[float, float], dof: tuple[float, float], share: float) -> float:
-    """Degrees of freedom of the mean of two variances that one record tells, the first with a share of 0 to 1.
-
-    They err together, not independently as Welch and Satterthwaite have it.
-    """
-    parts = np.array([share, 1 - share]) * variances
-    error = float(parts @ (1 / np.sqrt(dof)))
-    return (float(parts.sum()) / error) ** 2 if error > 0 else np.inf
 
 
 def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
@@ -253,19 +228,10 @@ class JointErrors:
     mean: Vector
     """Mean of the columns over the record, 1 first, shape (1 + p,)."""
     noise: NoiseModel
-    last: Vector
-    """Covariance of the coefficients with each part of the noise at the record's end, shape (1 + p, parts)."""
     end: Size
     """Time of the record's end since it began [s]."""
-    last_segment: Counted
-    """Number of the fitted segment that ends last: only what follows on it shares its noise."""
     representation: Variance
     """Variance of what the chosen time constants may leave of the modelled reading."""
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Covariance of intercept and coefficients, shape (1 + p, 1 + p)."""
-        return np.asarray(self.half @ self.half.T)
 
     def combined(self, columns: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Standard errors of what the fit says, of linear combinations of the columns, shape (k,).
@@ -275,53 +241,18 @@ class JointErrors:
         variance = np.sum((columns @ self.half[1:]) ** 2, axis=1) + (columns @ self.coef[1:] - value) ** 2
         return np.asarray(np.sqrt(variance + self.representation))
 
-    def fading(self, seconds: np.ndarray, key: int | None) -> np.ndarray:
-        """Correlation of each part of the noise at times after the record with its end, shape (n, parts); 0 inside.
-
-        `key` is the fitted segment that the times belong to: the noise of others, and of new ones, is another one.
-        """
-        later = np.maximum(seconds - self.end, 0.0)
-        if key != self.last_segment or not later.any():
-            return np.zeros((len(seconds), len(self.noise.wander)))
-        with np.errstate(under="ignore"):
-            return np.asarray(np.exp(-later[:, None] / self.noise.correlation_times) * (later > 0)[:, None])
-
-    def averaged(self, other: JointErrors, share: float, bias_form: np.ndarray) -> JointErrors:
-        """Mean and variance over two, this one with a share of 0 to 1: what lies between them is an error, too.
-
-        Coefficients that the other leaves out are zero there; `bias_form` are the mean products of the columns of the
-        bias, shape (1 + p, 1 + p).
-        """
-        apart = np.sqrt(share * (1 - share)) * (self.coef - other.coef)
-        covariance = share * self.covariance + (1 - share) * other.covariance + np.outer(apart, apart)
-        values, vectors = np.linalg.eigh(covariance)
-        kept = values > 0
-        return replace(
-            self,
-            coef=share * self.coef + (1 - share) * other.coef,
-            half=np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept])),
-            dof=dof_of_average((self.usual, other.usual), (self.dof, other.dof), share),
-            usual=float(np.sum(bias_form * covariance)),
-            noise=self.noise.averaged(other.noise, share),
-            last=share * self.last + (1 - share) * other.last,
-        )
-
 
 PER_MEMORY = 2.0
 """Degrees of freedom that a correlation time adds to a wandering variance: a sum of squares alone would give 1, a known
 shape of the spectrum more. Corrected readings in a random walk are covered in 100, 99, 96 % with 1, 2, 4 (time
 constants given) and 100, 98, 95 % (searched): `python benchmarks/interval_coverage.py --first 600 --seeds 24`."""
-NEGLIGIBLE = 0.05
-"""Share of an average below which the basis with bodies slower than a twelfth of the record, or the one without, is
-left out: a ratio of evidences of e^3, "strong" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995). Its logarithm is -2.9 to
-0.8 in random walks of 5000 rows, and 24 to 84 in 1200 rows of white noise and a device that has such a body."""
 
 
 def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErrors:
     """Errors of a fitted `DynamicBiasRegressor`, from what its fit has swept together and solved.
 
     The slowest bodies may be the device's in a short record; in one that wanders they would take the noise upon
-    themselves. Bases with them and without are averaged, each by how likely it makes the record.
+    themselves. They stay if they make the record likelier.
 
     Raises ValueError where the record was not averaged.
     """
@@ -330,68 +261,29 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     basis = basis_of(model, swept.binned, swept.reading_offset)
     scaled = ScaledBasis.of(basis)
     groups = [group / scaled.norms**2 for group in basis.groups]
-    within = within_bins(swept.total(), basis, scaled)
-    sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups, within).settle()
+    sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups).settle()
+    if basis.slow.any():
+        fewer = sums.without(basis.slow).settle()
+        if fewer.evidence() > sums.evidence():
+            basis, scaled, sums = basis.without_slow(), scaled.only(~basis.slow), fewer
+    found = sums.estimate()
     residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
-    tolerated = TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0
-    every = Way(basis, scaled, sums, residual, tolerated)
-    if not basis.slow.any():
-        return every.errors()
-    fewer = every.without_slow()
-    share = float(expit(sums.evidence() - fewer.sums.evidence()))
-    if not NEGLIGIBLE <= share <= 1 - NEGLIGIBLE:
-        return (every if share > 0.5 else fewer).errors()
-    return every.errors().averaged(fewer.errors(), share, every.bias_form())
-
-
-@dataclass(frozen=True)
-class Way:
-    """One way to account for a record: a basis, and what the record says beside it once its noise has settled."""
-
-    basis: Basis
-    scaled: ScaledBasis
-    sums: BandSums
-    residual: float
-    """Mean square that the fit leaves of single readings."""
-    tolerated: float
-    """Variance of what the chosen time constants may leave of the modelled reading."""
-
-    def without_slow(self) -> Way:
-        """The way without bodies that are slower than what is told from noise."""
-        slow = self.basis.slow
-        sums = self.sums.without(slow).settle()
-        return Way(self.basis.without_slow(), self.scaled.only(~slow), sums, self.residual, self.tolerated)
-
-    def bias_form(self) -> np.ndarray:
-        """Mean products of the columns, shape (1 + p, 1 + p): with a covariance of the coefficients, of the bias."""
-        basis, form = self.basis, np.zeros((self.basis.width, self.basis.width))
-        form[np.ix_(basis.free, basis.free)] = basis.columns.T @ basis.columns / len(basis.columns)
-        form[0], form[:, 0] = 0.0, 0.0  # the bias has no intercept
-        return form
-
-    def errors(self) -> JointErrors:
-        """Errors under an average of models of the noise."""
-        basis, scaled, sums = self.basis, self.scaled, self.sums
-        found = sums.estimate()
-        noise = _noise(basis, scaled, sums, found, self.residual)
-        scale = scaled.unit / scaled.norms
-        coef, mean = np.zeros(basis.width), np.zeros(basis.width)
-        coef[basis.free] = found.coef * scale
-        coef[0] += scaled.mean + basis.offset
-        mean[basis.free] = basis.columns.mean(axis=0)
-        values, vectors = np.linalg.eigh(found.covariance)
-        half, last = np.zeros((basis.width, len(values))), np.zeros((basis.width, len(noise.wander)))
-        half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-        last[basis.free] = scale[:, None] * scaled.unit * sums.last_covariance(_end_correlations(basis, scaled, noise))
-        last *= scaled.size[np.argmax(basis.begins)]
-        form = self.bias_form()
-        return JointErrors(
-            effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half,
-            dof=found.freedom(form[np.ix_(basis.free, basis.free)] * scale[:, None] * scale),
-            usual=float(np.sum((form @ half) * half)), mean=mean, noise=noise, last=last,
-            end=float(basis.begins.max()), last_segment=int(basis.segment[np.argmax(basis.begins)]),
-            representation=self.tolerated,
-        )  # fmt: skip
+    scale = scaled.unit / scaled.norms
+    coef, mean = np.zeros(basis.width), np.zeros(basis.width)
+    coef[basis.free] = found.coef * scale
+    coef[0] += scaled.mean + basis.offset
+    mean[basis.free] = basis.columns.mean(axis=0)
+    values, vectors = np.linalg.eigh(found.covariance)
+    half = np.zeros((basis.width, len(values)))
+    half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    form = basis.columns.T @ basis.columns / len(basis.columns) * scale[:, None] * scale
+    form[basis.free == 0] = form[:, basis.free == 0] = 0.0  # the bias has no intercept
+    return JointErrors(
+        effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half,
+        dof=found.freedom(form), usual=float(np.sum(form * found.covariance)), mean=mean,
+        noise=_noise(basis, scaled, sums, found, residual), end=float(basis.begins.max()),
+        representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
+    )  # fmt: skip
 
 
 def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted, residual: float) -> NoiseModel:
@@ -401,7 +293,7 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
     if rows > 1:
         left = (scaled.reading - scaled.columns @ found.coef) * scaled.size
         between = max(residual / scaled.unit**2 - float(np.mean(left**2)), 0.0) * rows / (rows - 1)
-        white = found.within or between or white
+        white = between or white
     memory = rows * float(theta[0]) / white
     # Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember
     kept = (memory - 1) / (memory + 1) if memory > 1.2 else 0.0
@@ -424,14 +316,6 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
         size_seconds=basis.begins[at],
         sizes=scaled.size[at],
     )
-
-
-def _end_correlations(basis: Basis, scaled: ScaledBasis, noise: NoiseModel) -> np.ndarray:
-    """Correlation of each bin with the record's end, for each wandering part, shape (bins, parts); 0 in other spans."""
-    same = scaled.span == scaled.span[np.argmax(basis.begins)]
-    with np.errstate(under="ignore"):
-        before = np.exp(-(basis.begins.max() - basis.begins)[:, None] / noise.correlation_times)
-    return np.asarray(before * same[:, None])
 
 
 KELVIN = {"degF": 1.8}
@@ -513,8 +397,6 @@ class RowErrors:
     """The bias: the rest of what the coefficients make, and the distance of the fit from the best estimate."""
     noise: np.ndarray
     """Variance of the noise, over that of `NoiseModel.variance`."""
-    shared: np.ndarray
-    """Covariance of the bias with the wandering noise of its own row: above 0 shortly after the fitted record."""
     columns: np.ndarray
     """What the coefficients are multiplied by, shape (n, 1 + p): for covariances between rows."""
 
@@ -525,7 +407,7 @@ class RowErrors:
 
     def of_readings(self, noise: NoiseModel) -> np.ndarray:
         """Variance of a corrected reading, or of one to come, noise included."""
-        return np.asarray(np.maximum(self.bias + noise.variance * self.noise - 2 * self.shared, 0.0))
+        return np.asarray(self.bias + noise.variance * self.noise)
 
 
 class ErrorWalk:
@@ -566,17 +448,14 @@ class ErrorWalk:
         for block, contributions in model._weighed(noted()):
             value = contributions[:, parts].sum(axis=1) + constant
             columns = next(wide, walked[0]).columns
-            errors = self.errors(columns, block.seconds, block.temperature, value, block.segment_key)
+            errors = self.errors(columns, block.seconds, value)
             yield block, contributions, value, errors
 
-    def errors(
-        self, columns: np.ndarray, seconds: np.ndarray, temperature: np.ndarray, value: np.ndarray, key: int | None
-    ) -> RowErrors:
+    def errors(self, columns: np.ndarray, seconds: np.ndarray, value: np.ndarray) -> RowErrors:
         """Errors of rows from their columns, shape (n, p), of the effects of the joint errors.
 
-        `columns` (array of shape (n, p)). `seconds` (array of shape (n,)): Since the fitted record began [s].
-        `temperature` (array of shape (n,)). `value` (array of shape (n,)): What the model gives. `key` (int or None):
-        Fitted segment that the rows belong to.
+        `columns` (array of shape (n, p)). `seconds` (array of shape (n,)): Since the fitted record began [s]. `value`
+        (array of shape (n,)): What the model gives.
         """
         joint = self.joint
         Z = np.empty((len(columns), 1 + columns.shape[1]), order="F")
@@ -589,6 +468,5 @@ class ErrorWalk:
             level=level,
             coefficients=rest + distance**2 + joint.representation,
             noise=joint.noise.size(seconds) ** 2,
-            shared=np.einsum("ij,ij->i", Z @ joint.last, joint.fading(seconds, key)),
             columns=Z,
         )

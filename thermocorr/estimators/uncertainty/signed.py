@@ -229,8 +229,6 @@ class Uncertainty:
     """What was taken away, shape (n,)."""
     variances: dict[str, np.ndarray]
     """Variance of each of `PARTS` in each row, shape (n,)."""
-    shared: np.ndarray
-    """Covariance of the bias with the noise of its row, shape (n,)."""
     sensor_own: np.ndarray
     """Variance from the thermometer that each row has for itself, shape (n,)."""
     status: np.ndarray
@@ -245,7 +243,7 @@ class Uncertainty:
     @property
     def u(self) -> np.ndarray:
         """Combined standard uncertainty of each row, shape (n,)."""
-        return np.asarray(np.sqrt(np.maximum(sum(self.variances.values()) - 2 * self.shared, 0.0)))
+        return np.asarray(np.sqrt(sum(self.variances.values())))
 
     @property
     def dof(self) -> np.ndarray:
@@ -256,8 +254,7 @@ class Uncertainty:
     def frame(self) -> pd.DataFrame:
         """One row for each reading: corrected, u, dof, k, U, low, high, a column for each part, status.
 
-        All but dof, k and status in the unit of the reading. `u` is less than the root of the sum of squares of its
-        parts shortly after the fitted record, where the bias and the noise err alike.
+        All but dof, k and status in the unit of the reading.
         """
         u, dof = self.u, self.dof
         k = coverage_factor(dof, self.coverage)
@@ -336,8 +333,7 @@ class Uncertainty:
         ):  # whole records err alike
             each = np.sqrt(np.maximum(variance, 0.0))
             total = total + each[:, None] * each
-        alike = chosen.columns @ self.joint.last @ chosen.fading.T
-        return np.asarray(total + np.diag(own) + self.reference.uncertainty**2 - alike - alike.T)
+        return np.asarray(total + np.diag(own) + self.reference.uncertainty**2)
 
     def to_csv(self, path: Any) -> None:
         """Write the frame as CSV.
@@ -415,12 +411,10 @@ class Uncertainty:
     def _mean_variances(self, at: np.ndarray) -> dict[str, float]:
         """Variance of each part of the mean of some rows."""
         if len(at) == 1:
-            result = {part: float(variance[at[0]]) for part, variance in self.variances.items()}
-            return result | {"wander": max(result["wander"] - 2 * float(self.shared[at[0]]), 0.0)}
+            return {part: float(variance[at[0]]) for part, variance in self.variances.items()}
         chosen = self._chosen(at)
         Z = chosen.columns.mean(axis=0)
         white, wander = self.joint.noise.of_mean(chosen.seconds, chosen.runs)
-        alike = float(Z @ self.joint.last @ chosen.fading.mean(axis=0))
         through = Z @ self.joint.half
         level = float(through @ ErrorWalk(self.model, self.joint, removed=True).level) ** 2
         distance = float(Z @ self.joint.coef - np.mean(self.bias[at]))
@@ -431,7 +425,7 @@ class Uncertainty:
             np.mean(np.sqrt(np.maximum(self.variances["sensor"][at] - own, 0.0))) ** 2 + own.sum() / len(at) ** 2
         )
         return together | {
-            "noise": white, "wander": max(wander - 2 * alike, 0.0), "level": level, "coefficients": rest,
+            "noise": white, "wander": wander, "level": level, "coefficients": rest,
         }  # fmt: skip
 
     def _sensor_line(self, variance: float, unit: str) -> BudgetLine:
@@ -452,7 +446,7 @@ class Uncertainty:
         place = np.full(len(self.corrected), -1)
         place[at] = np.arange(len(at))
         seconds, runs = np.zeros(len(at)), np.zeros(len(at), int)
-        columns, fading = np.zeros((len(at), len(self.joint.coef))), np.zeros((len(at), len(self.joint.noise.wander)))
+        columns = np.zeros((len(at), len(self.joint.coef)))
         labels: dict[object, int] = {}
         for block, _, _, errors in ErrorWalk(self.model, self.joint, removed=True).blocks(self.record):
             wanted = place[block.rows]
@@ -460,8 +454,7 @@ class Uncertainty:
             run = block.record.segments[block.segment].run
             runs[into] = labels.setdefault(run, len(labels))
             seconds[into], columns[into] = block.seconds[inside], errors.columns[inside]
-            fading[into] = self.joint.fading(block.seconds, block.segment_key)[inside]
-        return Chosen(seconds, runs, columns, fading)
+        return Chosen(seconds, runs, columns)
 
 
 class Chosen(NamedTuple):
@@ -473,5 +466,3 @@ class Chosen(NamedTuple):
     """Number of the run, shape (m,)."""
     columns: np.ndarray
     """What the coefficients are multiplied by, shape (m, 1 + p)."""
-    fading: np.ndarray
-    """Correlation of each wandering part with the end of the fitted record, shape (m, parts)."""
