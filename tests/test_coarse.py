@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.equations.sensor_artefacts import spikes
+from thermocorr.equations.outliers import spikes
 
 
 def device(n=6000, seed=0):

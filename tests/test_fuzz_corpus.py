@@ -13,7 +13,7 @@ from corpus.clean_log import CLEAN, HEADER, ROWS, Shown, check, frame_of, save_f
 
 from thermocorr import DynamicBiasRegressor, RecordError, load_model, read_log, save_model
 from thermocorr.command.cli import main
-from thermocorr.equations.sensor_artefacts import OVERLOAD
+from thermocorr.equations.outliers import OVERLOAD
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
-from thermocorr.equations.sensor_artefacts import is_repeated
+from thermocorr.equations.outliers import is_repeated
 from thermocorr.records.errors import RecordWarning
 
 N = 3000

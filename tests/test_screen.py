@@ -19,7 +19,7 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.equations.sensor_artefacts import spikes, usual_of
+from thermocorr.equations.outliers import spikes, usual_of
 from thermocorr.records.screen import Limits
 from thermocorr.validation import held_out_residuals
 

@@ -58,7 +58,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         search's (at most 1e-4 per reading), and 0 for given time constants.
     screen : bool, default True
         Leave out values that are not measurements: codes for "no value" (9.9E37, -999, 85.0 of a thermometer at power-
-        on) and isolated spikes, see `thermocorr.equations.sensor_artefacts`. Such readings are not learned from; rows
+        on) and isolated spikes, see `thermocorr.equations.outliers`. Such readings are not learned from; rows
         with such inputs are passed over. They are named in a warning and in `notes_`, and flagged "sentinel" or "spike"
         wherever they are met again. Later inputs that move as these never did are held back or doubted, see
         `thermocorr.records.gate`.

@@ -14,7 +14,7 @@ from ..effects.expressions import Delayed, Lag, Word, words_of
 from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
-from ..equations.sensor_artefacts import OVERLOAD
+from ..equations.outliers import OVERLOAD
 from ..records.hints import LARGEST, Column, Large, Positive, Sizes, within
 from .codec import ModelFileError, fields, number, pack, read, shown, text, unexpected, unpack, write
 

@@ -30,7 +30,7 @@ from ..effects import (
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..equations import decays
-from ..equations.sensor_artefacts import spikes
+from ..equations.outliers import spikes
 from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
 from ..estimators.heteroscedasticity import evenness
 from ..estimators.out_of_sample import OutOfSample

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.sensor_artefacts import CHUNK, Scanned, Usual, scan_stretch
+from ..equations.outliers import CHUNK
 from ..equations.statistics import Moments
 from .hints import Column
 from .segments import Segment, SegmentStart, holes
@@ -307,10 +307,6 @@ class Record:
             self.known_moments[key, power] = self._looked_at(column, power)
         return self.known_moments[key, power]
 
-    def know_moments(self, column: object, moments: Moments) -> None:
-        """Keep the moments of a column, or of the readings (None), of whoever has found them on the way."""
-        self.known_moments[Itself(self.reading) if column is None else column, 1] = moments
-
     def _looked_at(self, column: Any, power: int) -> Moments:
         """Moments of a power of a column inside segments, in one pass."""
         result = Moments()
@@ -326,18 +322,6 @@ class Record:
         for first, stop in zip(sorted(starts), stops, strict=True):  # of segments that meet
             for start in range(first, stop, CHUNK):
                 yield np.asarray(column[self.kept(start, min(start + CHUNK, stop))], float)
-
-    def scanned(self, column: Any, usual: Usual) -> Scanned:
-        """Codes and peaks of the readings, or of a column: rows in time order."""
-
-        def read(low: int, high: int) -> Floats:
-            return np.asarray(column[self.rows(low, high)], float)
-
-        return Scanned.together(
-            part
-            for segment in self.segments
-            for part in scan_stretch(read, segment.start, segment.stop, segment.start, segment.stop, usual)
-        )
 
     def passing_over(self, places: NDArray[np.intp], max_gap: float | None) -> Record:
         """The record without some rows, as if they had not been recorded; no segment may be left.

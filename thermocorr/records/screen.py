@@ -12,13 +12,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equations.sensor_artefacts import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Scanned, Usual, usual_of
+from ..equations.outliers import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Found, Usual, found_in, usual_of
 from .errors import RecordError, listing, quoted, times_word, way
 from .gate import JUMP, Gate, Motion, excursions
 from .hints import Column, Number, Stamp
@@ -272,19 +272,17 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
     RecordError
         Where no temperature is left.
     """
-    limits, left = {}, {}
+    limits = {}
     for column in (*record.columns, None):
         values = record.reading if column is None else record.columns[column]
         if values is None:
             continue
         usual = usual_of(_sampled(record, values), record.n_used)
-        found = record.scanned(values, usual)
-        spikes = found.true_spikes(usual, record.n_used)
+        stretches = [(segment.start, segment.stop) for segment in record.segments]
+        found = found_in(partial(_values, record, values), stretches, usual)
+        spikes = found.true_spikes(record.n_used)
         if column is not None and usual.middle in (usual.low, usual.high):
             spikes = spikes[:0]  # it rests at an end, such as no rain: a pulse is what it is recorded for
-        if found.is_nothing:
-            left[column] = found.left
-        limits[column] = _limits(record, values, usual, found, spikes)
         if len(found.repeats) and column == record.temperature_name:  # a device may well stand still as long
             record = replace(record, notes=(*record.notes, _seldom(record, found.repeats)))
         repeats = found.repeats if column is None else found.repeats[:0]
@@ -292,6 +290,7 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
         for reason, positions in refused:
             if len(positions):
                 record = without(record, column, reason, positions, max_gap)
+        limits[column] = _limits(record, column, values, usual, found, spikes)
     motions: dict[Any, Motion] = {}
     for column in (record.temperature_name, *thermometers):  # a current may go there and back, a room does not
         longest = np.inf if max_gap is None else max_gap
@@ -305,9 +304,6 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
     if record.refused:
         notes = tuple(_note(refused) for refused in record.refused)
         record = replace(record, notes=(*record.notes, *notes))
-    elif not len(record.skipped):  # the rows that were looked at are those that are used
-        for column, moments in left.items():
-            record.know_moments(column, moments)
     inputs = {n: replace(limits[n], motion=motions.get(n) or Motion.of(record, n)) for n in record.columns}
     return record, Screen(inputs=inputs, reading=limits.get(None, Limits()))
 
@@ -328,10 +324,16 @@ def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
     return [np.asarray(column[some], float) for some in rows]
 
 
-def _limits(record: Record, column: NDArray[Any], usual: Usual, found: Scanned, spikes: Rows) -> Limits:
-    """Limits for later rows: codes that were met or are far from everything; the spikes."""
+def _values(record: Record, column: NDArray[Any], low: int, high: int) -> Floats:
+    """Values of a column between two rows in time order."""
+    return np.asarray(column[record.rows(low, high)], float)
+
+
+def _limits(record: Record, name: Any, column: NDArray[Any], usual: Usual, found: Found, spikes: Rows) -> Limits:
+    """Limits for later rows: codes that were met or are far from what is left in the record; the spikes."""
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
-    far = ALL_CODES[(found.left.low > ALL_CODES) | (found.left.high < ALL_CODES)]
+    left = record.reading_moments() if name is None else record.moments(name)
+    far = ALL_CODES[(left.low > ALL_CODES) | (left.high < ALL_CODES)]
     far = far[usual.outside(far, ABSURD)] if usual.range > 0 else far[:0]
     codes = sorted({code for code in (*met, *far.tolist()) if abs(code) < OVERLOAD})
     kept = spikes[:MOST_KEPT]

@@ -13,17 +13,16 @@ by a digit or two, and now and then.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import reduce
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .statistics import Moments
-
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
 OVERLOAD = 1e30
 """Size beyond which a number is a code wherever it stands: 9.9E37 is "overload" in SCPI (1999, vol. 1, 7.2.1.5)."""
@@ -49,9 +48,6 @@ DEVIATION = 1.4826 / np.sqrt(2)
 """Standard deviation of white Gaussian noise, over the median size of its steps."""
 
 
-_APART = np.full(1, np.nan)  # stands between two stretches
-
-
 @dataclass(frozen=True, kw_only=True)
 class Usual:
     """Usual range and noise of readings."""
@@ -73,10 +69,6 @@ class Usual:
         """Range of nine tenths of the readings."""
         return self.high - self.low
 
-    def overloads(self, values: Floats) -> Booleans:
-        """True if values are too large for a number, shape (n,), booleans."""
-        return np.asarray(np.abs(values) >= OVERLOAD)
-
     def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
         """True if values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
@@ -84,7 +76,8 @@ class Usual:
 
 def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
     """Estimate the usual range and noise of `n_rows` readings from stretches (NaN: missing)."""
-    whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (_APART, stretch))])
+    apart = np.full(1, np.nan)  # between two stretches
+    whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (apart, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
     values = np.sort(whole[fits])
     if len(values) < FEWEST:
@@ -165,136 +158,75 @@ CHUNK = 1 << 16
 """Rows that are looked at together: they stay near the processor, and their memory is used again."""
 HALO = 64
 """Rows to either side that decide on a row, missing ones included."""
-_BINS, _PER_OCTAVE = 512, 8
 
 
-class Jumps:
-    """Histogram of jump heights, in 8 classes per octave."""
+class Found(NamedTuple):
+    """What is no measurement in some rows, whose numbers increase."""
 
-    def __init__(self, counts: NDArray[np.int64] | None = None):
-        self.counts = np.zeros(_BINS, np.int64) if counts is None else counts
-
-    def add(self, sizes: Floats, reach: float) -> None:
-        """Count heights, measured in `reach`."""
-        self.counts += np.bincount(self._classes(sizes, reach), minlength=_BINS)
-
-    def alike(self, sizes: Floats, reach: float) -> NDArray[np.int64]:
-        """Number of jumps within a factor of 2 of each of `sizes`."""
-        at_least = np.append(np.cumsum(self.counts[::-1])[::-1], 0)
-        classes = self._classes(sizes, reach)
-        low = np.maximum(classes - _PER_OCTAVE, 0)
-        return np.asarray(at_least[low] - at_least[np.minimum(classes + _PER_OCTAVE + 1, _BINS)])
-
-    @staticmethod
-    def _classes(sizes: Floats, reach: float) -> NDArray[np.intp]:
-        octaves = np.log2(np.maximum(sizes / max(reach, 1e-300), 1.0))
-        return np.asarray(np.minimum((_PER_OCTAVE * octaves).astype(int), _BINS - 1))
-
-
-@dataclass
-class Scanned:
-    """Results of a scan over some rows."""
-
-    codes: NDArray[np.intp]
+    codes: Rows
     """Rows that hold codes."""
-    spikes: NDArray[np.intp]
+    spikes: Rows
     """Rows of peaks beyond the reach, alone or in pairs."""
     heights: Floats
-    """Heights of the peaks."""
-    staying: Jumps
-    """Jumps that do not return."""
-    left: Moments = field(default_factory=Moments)
-    """Moments of what is left."""
-    repeats: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    """Heights of these peaks."""
+    staying: Floats
+    """Sizes of jumps that do not return."""
+    repeats: Rows
     """Rows that repeat the one before, where readings are repeated."""
 
-    @classmethod
-    def together(cls, parts: Iterable[Scanned]) -> Scanned:
-        """Merge the results of several stretches of rows."""
-        parts = list(parts)
-        staying = Jumps(np.sum([part.staying.counts for part in parts], axis=0)) if parts else Jumps()
-        none = np.zeros(0, np.intp)
-        return cls(
-            codes=np.concatenate([none, *(part.codes for part in parts)]),
-            spikes=np.concatenate([none, *(part.spikes for part in parts)]),
-            heights=np.concatenate([np.zeros(0), *(part.heights for part in parts)]),
-            staying=staying,
-            left=reduce(Moments.merged, (part.left for part in parts), Moments()),
-            repeats=np.concatenate([none, *(part.repeats for part in parts)]),
-        )
-
-    @property
-    def is_nothing(self) -> bool:
-        """True if nothing was found, so that all values are left."""
-        return not (len(self.codes) or len(self.spikes) or len(self.repeats))
-
-    def moved(self, rows: int) -> Scanned:
-        """Rows counted from so many rows earlier."""
-        found = {name: getattr(self, name) for name in ("codes", "spikes", "repeats")}
-        return replace(self, **{name: places + rows for name, places in found.items() if len(places)})
-
-    def true_spikes(self, usual: Usual, n_rows: int) -> NDArray[np.intp]:
-        """Spikes, not jumps of the device itself: at least half of the jumps of their size return."""
+    def true_spikes(self, n_rows: int) -> Rows:
+        """Spikes, not jumps of the device itself: at least half of the jumps within a factor of 2 in size return."""
         if not len(self.spikes) or len(self.spikes) > MOST * n_rows:
-            return np.zeros(0, np.intp)
-        returning = Jumps()
-        returning.add(self.heights, usual.reach)
-        own = self.staying.alike(self.heights, usual.reach) > returning.alike(self.heights, usual.reach)
-        return np.asarray(self.spikes[~own])
+            return self.spikes[:0]
+        stay, turn = (_alike(self.heights, others) for others in (self.staying, self.heights))
+        return self.spikes[stay <= turn]
 
 
-def scan(values: Floats, low: int, high: int, usual: Usual) -> Scanned:
-    """Look at rows ``low:high`` of `values`, which holds `HALO` more to either side where there are any.
+def _alike(sizes: Floats, others: Floats) -> NDArray[np.intp]:
+    """Number of other sizes within a factor of 2 of each size."""
+    ordered = np.sort(others)
+    return np.searchsorted(ordered, 2 * sizes, "right") - np.searchsorted(ordered, sizes / 2)
 
-    Parameters
-    ----------
-    values : array of shape (n,)
-        Consecutive readings, NaN where there is none.
-    low, high : int
-        Rows that are decided on; the others are their neighbours.
-    usual : Usual
 
-    Returns
-    -------
-    Scanned
-        Rows are numbered as in `values`.
+def found_in(read: Callable[[int, int], Floats], stretches: Iterable[tuple[int, int]], usual: Usual) -> Found:
+    """Look at stretches of consecutive rows, a chunk at a time.
+
+    `read` gives the values between two rows, NaN where there is none.
     """
-    if usual.repeats:
-        again = repeated(values)
-        rest = scan(np.where(again, np.nan, values), low, high, replace(usual, repeats=False))
-        return replace(rest, repeats=low + np.flatnonzero(again[low:high]))
-    nothing, jumps = np.zeros(0, np.intp), Jumps()
-    most = min(usual.reach, OVERLOAD / 2)
-    steps = values[1:] - values[:-1]
-    near = steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most  # never where one is missing
-    if not len(values) or (near and abs(values[0]) < OVERLOAD):
-        return Scanned(
-            codes=nothing, spikes=nothing, heights=np.zeros(0), staying=jumps, left=Moments.of(values[low:high])
-        )
-    rows = np.flatnonzero(np.isfinite(values))
-    over = usual.overloads(values[rows])
-    left, found = rows[~over], [rows[over]]
+    parts = []
+    for start, stop in stretches:
+        for low in range(start, stop, CHUNK):
+            high = min(low + CHUNK, stop)
+            first = max(low - HALO, start)
+            parts.append(_found(read(first, min(high + HALO, stop)), first, (low, high), usual))
+    none = Found(*(np.zeros(0, kind) for kind in (np.intp, np.intp, float, float, np.intp)))
+    return Found(*(np.concatenate(each) for each in zip(none, *parts, strict=True)))
+
+
+def _found(values: Floats, first: int, decided: tuple[int, int], usual: Usual) -> Found:
+    """`found_in` some rows, the first of which has a number; of others than those `decided` on, nothing is said."""
+
+    def inside(rows: Rows) -> Booleans:
+        return (rows >= decided[0]) & (rows < decided[1])
+
+    none, sizes = np.zeros(0, np.intp), np.zeros(0)
+    repeats = first + np.flatnonzero(repeated(values)) if usual.repeats else none
+    if len(repeats):
+        values = np.where(repeated(values), np.nan, values)
+        repeats = repeats[inside(repeats)]
+    most, steps = min(usual.reach, OVERLOAD / 2), np.diff(values)
+    if steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most and abs(values[0]) < OVERLOAD:
+        return Found(none, none, sizes, sizes, repeats)  # never where one is missing
+    left = np.flatnonzero(np.isfinite(values))
+    coded = np.abs(values[left]) >= OVERLOAD
     if np.isfinite(usual.reach):
-        coded = _coded(values[left], usual)
-        found.append(left[coded])
-        left = left[~coded]
-    codes = np.sort(np.concatenate(found))
-    spiked, heights = _peaks(values[left], usual, jumps, (left >= low) & (left < high))
-    inside = (left[spiked] >= low) & (left[spiked] < high)
-    codes = codes[(codes >= low) & (codes < high)]
-    kept = np.delete(left, spiked)
-    moments = Moments.of(values[kept[(kept >= low) & (kept < high)]])
-    return Scanned(codes, left[spiked][inside], heights[inside], jumps, moments)
-
-
-def scan_stretch(
-    read: Callable[[int, int], Floats], start: int, stop: int, first: int, last: int, usual: Usual
-) -> Iterator[Scanned]:
-    """Look at the rows ``start:stop``, a chunk at a time; their neighbours may lie in ``first:last``."""
-    for low in range(start, stop, CHUNK):
-        high = min(low + CHUNK, stop)
-        before, behind = max(low - HALO, first), min(high + HALO, last)
-        yield scan(read(before, behind), low - before, high - before, usual).moved(before)
+        coded[~coded] = _coded(values[left[~coded]], usual)
+    codes, left = first + left[coded], left[~coded]
+    spiked, heights, jumped = _peaks(values[left], usual)
+    spikes, staying = first + left[spiked], first + left[jumped]
+    sizes = np.abs(values[left[jumped]] - values[left[jumped - 1]])
+    told = inside(spikes)
+    return Found(codes[inside(codes)], spikes[told], heights[told], sizes[inside(staying)], repeats)
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:
@@ -317,8 +249,8 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
     return found
 
 
-def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tuple[NDArray[np.intp], Floats]:
-    """Peaks of one or two rows beyond the reach, and their heights; jumps that stay are counted."""
+def _peaks(values: Floats, usual: Usual) -> tuple[Rows, Floats, Rows]:
+    """Rows of peaks of one or two rows beyond the reach, their heights, and the rows of jumps that stay."""
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps) > usual.reach)
     lengths, heights = np.zeros(len(far), np.intp), np.zeros(len(far))
@@ -328,7 +260,7 @@ def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tupl
         returned, height = _returned(values, far[ends] + 1, length, usual)
         lengths[ends[returned]], heights[ends[returned]] = length, height[returned]
     stays, free = np.ones(len(far), bool), 0
-    rows: list[NDArray[np.intp]] = []
+    rows: list[Rows] = []
     for k in np.flatnonzero(lengths):
         if far[k] >= free:  # not within the one before
             free = far[k] + lengths[k] + 1
@@ -336,12 +268,10 @@ def _peaks(values: Floats, usual: Usual, jumps: Jumps, inside: Booleans) -> tupl
             rows.append(np.arange(far[k] + 1, free))
         else:
             lengths[k] = 0
-    stays[stays] = inside[far[stays] + 1]
-    jumps.add(np.abs(steps[far[stays]]), usual.reach)
-    return np.concatenate([np.zeros(0, np.intp), *rows]), np.repeat(heights, lengths)
+    return np.concatenate([np.zeros(0, np.intp), *rows]), np.repeat(heights, lengths), far[stays] + 1
 
 
-def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual) -> tuple[Booleans, Floats]:
+def _returned(values: Floats, first: Rows, length: int, usual: Usual) -> tuple[Booleans, Floats]:
     """True if the rows from each of `first` on are far from those before and after, which agree, and from the noise
     nearby; and how far they are.
     """
@@ -359,7 +289,7 @@ def _returned(values: Floats, first: NDArray[np.intp], length: int, usual: Usual
     return returned, heights
 
 
-def _noise_beside(values: Floats, first: NDArray[np.intp], length: int) -> Floats:
+def _noise_beside(values: Floats, first: Rows, length: int) -> Floats:
     """`_noise` of the rows nearby, before and after those from each of `first` on."""
     rows = first[:, None] + np.concatenate((np.arange(-NEARBY, 0), np.arange(length, length + NEARBY)))
     near = values.take(rows, mode="clip")
@@ -385,23 +315,21 @@ def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
     array([100, 500, 501])
     """
     values = np.asarray(values, float)
-    usual = usual_of([values])
-    found = scan(values, 0, len(values), usual)
-    mask = np.zeros(len(values), bool)
+    usual, mask = usual_of([values]), np.zeros(len(values), bool)
+    found = found_in(lambda low, high: values[low:high], [(0, len(values))], usual)
     mask[found.codes] = True
     if usual.noise > rounding:
-        mask[found.true_spikes(usual, len(values))] = True
+        mask[found.true_spikes(len(values))] = True
     return mask
 
 
 DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
 """Quantile of the steps beside what stands still that is a digit where readings are coarse; steps of so many digits at
 most are theirs; share of such steps from which readings are coarse. Of white noise of many digits it is a quarter."""
-TRIMMED = 0.02
-"""Share of the readings that stand longest, and as many that stand shortest, whose rows are not asked."""
-UNEVEN, JITTER, JUST = 1.25, 0.15, 0.02
+UNEVEN, JITTER, JUST, TRIMMED = 1.25, 0.15, 0.02, 0.02
 """How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
-times, standard deviation as a share of their mean that is added, and variance that is added."""
+times, standard deviation as a share of their mean that is added, variance that is added; share of the readings that
+stand longest, and as many that stand shortest, whose rows are not asked."""
 DIFFERENT = 30
 """Different numbers among these readings, below which they are states or setpoints."""
 
@@ -438,19 +366,9 @@ def is_repeated(values: Floats) -> bool:
     steps = np.abs(np.diff(shown))
     beside = steps[stands[1:] | stands[:-1]]
     beside = beside[np.isfinite(beside)]
-    if _coarse(beside):
+    if np.mean(beside <= FEW_DIGITS * np.quantile(beside, DIGIT)) > COARSE:
         return False
-    whole = np.isfinite(steps[1:]) & np.isfinite(steps[:-1])  # not cut by the end of a stretch
-    return _evenly(rows[1:-1][whole])
-
-
-def _coarse(steps: Floats) -> bool:
-    """True if most steps are of a digit or two."""
-    return bool(np.mean(steps <= FEW_DIGITS * np.quantile(steps, DIGIT)) > COARSE)
-
-
-def _evenly(rows: NDArray[np.intp]) -> bool:
-    """True if readings stand in as many rows as those that a logger asks for at even times, or nearly so."""
+    rows = rows[1:-1][np.isfinite(steps[1:]) & np.isfinite(steps[:-1])]  # not cut by the end of a stretch
     low, high = np.quantile(rows, [TRIMMED, 1 - TRIMMED]) if len(rows) else (0, 0)
     rows = rows[(rows >= low) & (rows <= high)]
     mean = float(rows.mean()) if len(rows) else 0.0
