@@ -241,14 +241,10 @@ def noise_exponent(averages: Sequence[Floats]) -> int:
 def edf_overlapping(n: int, m: int, exponent: int) -> float:
     """Equivalent degrees of freedom of the overlapping Allan variance, Riley (2008) section 5.4.1, table 5.
 
-    `n` (int): Phases: readings plus one. `m` (int): Readings of one average. `exponent` (int): 2 white, 1 flicker
-    phase noise; 0 white, -1 flicker, -2 random-walk noise of the readings.
+    `n` (int): Phases: readings plus one. `m` (int): Readings of one average. `exponent` (int): 0 white, -1
+    flicker, -2 random-walk noise of the readings.
     """
-    if exponent == 2:
-        found = (n + 1) * (n - 2 * m) / (2 * (n - m))
-    elif exponent == 1:
-        found = np.exp(np.sqrt(np.log((n - 1) / (2 * m)) * np.log((2 * m + 1) * (n - 1) / 4)))
-    elif exponent == 0:
+    if exponent == 0:
         found = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
     elif exponent == -1:
         # printed without the square, which would leave one degree of freedom where m = 2 has 0.6 n

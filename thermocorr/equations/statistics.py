@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtr
 
 Floats = NDArray[np.float64]
 
@@ -140,40 +139,6 @@ def white_part(series: Sequence[Floats]) -> float:
     # Share of the differences from row to row that the white part must have: less is an error of the extrapolation.
     # Exact temperatures of simulated climates have up to 0.04, or as much as 0.3 mK.
     return white if white > 0.1 * once else 0.0
-
-
-def whiteness(pieces: Sequence[Floats], lags: int = 20) -> tuple[float, float]:
-    """Tests whether values are white noise: p values of Ljung and Box, and of runs.
-
-    Ljung & Box 1978, Biometrika 65, 297, over lags of 1 to `lags` samples; Wald & Wolfowitz 1940, Annals of
-    Mathematical Statistics 11, 147, on the signs about the median.
-
-    Parameters
-    ----------
-    pieces : sequence of array of shape (n,)
-        Stretches without a break; NaN where there is no value.
-    lags : int, default 20
-
-    Returns
-    -------
-    ljung_box, runs : float
-        NaN where there are too few values.
-    """
-    known = np.concatenate([np.zeros(0), *pieces])
-    n = int(np.isfinite(known).sum())
-    if n <= 2 * lags or not np.nanstd(known) > 0:
-        return np.nan, np.nan
-    centre, middle = np.nanmean(known), np.nanmedian(known)
-    square, found = float(np.nansum((known - centre) ** 2)), 0.0
-    for k in range(1, lags + 1):
-        products = [(piece[k:] - centre) * (piece[:-k] - centre) for piece in pieces if len(piece) > k]
-        count = sum(int(np.isfinite(part).sum()) for part in products)
-        found += (sum(float(np.nansum(part)) for part in products) / square) ** 2 / max(count, 1)
-    above = [(piece[np.isfinite(piece)] > middle) for piece in pieces]
-    ups, changes = sum(int(part.sum()) for part in above), sum(int((part[1:] != part[:-1]).sum()) for part in above)
-    usual = 2.0 * ups * (n - ups) / n
-    deviation = np.sqrt(usual * (usual - 1) / (n - 1)) if usual > 1 else np.nan
-    return float(chdtrc(lags, n * (n + 2) * found)), float(2 * ndtr(-abs(changes - usual) / deviation))
 
 
 class Moments(NamedTuple):

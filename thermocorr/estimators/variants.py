@@ -13,7 +13,6 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..equations import moving_average, reduction_db
-from ..equations.statistics import whiteness
 from ..records import Record, read_record
 from ..records.errors import check_int, printable, said_once
 from ..records.numbers import Scale, as_data, number_text, scale_of
@@ -35,8 +34,6 @@ _TITLES = {
     "held_out_reduction_db": "held-out reduction [dB]",
     "held_out_dynamic_vs_static_db": "held-out dynamic vs static [dB]",
 }
-_NOISE = ("bic", "ljung_box_p", "runs_p")
-"""Further figures of `VariantComparison.frame`: Schwarz' criterion, and how likely white noise would look so."""
 _STATIC = {
     "dynamic linear": "static linear",
     "dynamic nonlinear": "static nonlinear",
@@ -80,12 +77,7 @@ class VariantComparison:
         return tuple(dict.fromkeys(name for name in (self.advice.variant, list(self.models)[-1]) if name))
 
     def frame(self) -> pd.DataFrame:
-        """The figures: one row per variant.
-
-        Besides those that are printed ``bic``, Schwarz' information criterion of the fit (1978, Annals of Statistics 6,
-        461; lower is better), and the p values of two tests whether its residuals are white noise: ``ljung_box_p`` and
-        ``runs_p``. Where they are not, the criterion means little: the held-out figures tell which variant to use.
-        """
+        """The figures: one row per variant."""
         return self.table.copy()
 
     def scale(self) -> Scale:
@@ -228,10 +220,10 @@ def compare_variants(
     before = float(np.nanstd(raw))
     rows = {"before correction": {"std": before, "std_smoothed": _std(smooth.whole(raw))}}
     for name in variants:
-        rows[name] = _figures(name, inside, outside, before, smooth) | _noise_of(fitted[name], inside[name], smooth)
+        rows[name] = _figures(name, inside, outside, before, smooth)
     index = X.index if isinstance(X, pd.DataFrame) else None
     return VariantComparison(
-        table=pd.DataFrame.from_dict(rows, orient="index", columns=[*_TITLES, *_NOISE]).rename_axis("variant"),
+        table=pd.DataFrame.from_dict(rows, orient="index", columns=list(_TITLES)).rename_axis("variant"),
         models=fitted,
         residuals=pd.DataFrame(inside, index=index),
         held_out_residuals=pd.DataFrame(outside, index=index),
@@ -307,12 +299,6 @@ def _figures(
         figures["dynamic_vs_static_db"] = reduction_db(std, _std(smooth.whole(inside[static])))
         figures["held_out_dynamic_vs_static_db"] = reduction_db(held, _within(smooth.by_block(outside[static])))
     return figures
-
-
-def _noise_of(model: DynamicBiasRegressor, residual: np.ndarray, smooth: _Smoothing) -> dict[str, float]:
-    n, square = int(np.isfinite(residual).sum()), rms(residual) ** 2
-    bic = n * np.log(square) + (1 + len(model.coef_)) * np.log(n) if square > 0 else -np.inf
-    return dict(zip(_NOISE, (bic, *whiteness([residual[rows] for rows in smooth.segments])), strict=True))
 
 
 def _within(blocks: list[np.ndarray]) -> float:
