@@ -23,7 +23,7 @@ TAUS = np.array([120.0, 900.0, 7200.0])
 
 
 def felt_late(weights):
-    return InputLaw("temperature", (), TAUS, weights, 0.0, True)
+    return InputLaw("temperature", TAUS, weights, 0.0)
 
 
 def wandering(rng, n, remembers):
@@ -67,7 +67,7 @@ def laws_and_steps(seed):
     """Two columns with lags, one of which forgets sooner; dense and sparse gaps, the first row behind one or not."""
     rng, lags = np.random.default_rng(seed), np.concatenate(([0.0], np.geomspace(10, 1e5, 20)))
     laws = [
-        InputLaw(column, (), np.sort(10 ** rng.uniform(1, 4, n_lags)), rng.uniform(0.2, 1, n_lags), least, True)
+        InputLaw(column, np.sort(10 ** rng.uniform(1, 4, n_lags)), rng.uniform(0.2, 1, n_lags), least)
         for column, n_lags, least in (("T", 4, 0.15), ("H", 2, 0.15))
     ]
     squares = {"T": np.minimum(1e-3 * lags**1.2, 4.0), "H": np.minimum(1e-2 * lags**0.6, 2.0)}
@@ -80,7 +80,7 @@ def laws_and_steps(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_felt_of_gaps_fades_as_matrices_do(seed):
-    """Whole, in pieces, one by one and after a stop; the weights are of one sign, so sums lose no digits to 1e-12."""
+    """Whole, and in pieces; the weights are of one sign, so sums lose no digits to 1e-12."""
     laws, gaps, steps = laws_and_steps(seed)
     error, rng, felt, parts, at = GapError(laws, gaps), np.random.default_rng(seed), (), [], 0
     expected = sum(by_matrices(law, gaps, steps) for law in laws)
@@ -88,14 +88,9 @@ def test_what_is_felt_of_gaps_fades_as_matrices_do(seed):
     np.testing.assert_allclose(error.of_rows(steps)[0], expected, rtol=1e-12)
     while at < len(steps):
         stop = at + int(rng.integers(1, 50))
-        if rng.random() < 0.5:
-            said, felt = error.of_rows(steps[at:stop], felt)
-            parts.extend(said)
-        else:
-            for step in steps[at:stop].tolist():
-                said, felt = error.of_row(step, felt)
-                parts.append(said)
-        felt, at = error.taken_up(error.plain(felt)), stop
+        said, felt = error.of_rows(steps[at:stop], felt)
+        parts.extend(said)
+        at = stop
     np.testing.assert_allclose(parts, expected, rtol=1e-12)
 
 

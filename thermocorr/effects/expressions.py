@@ -233,15 +233,6 @@ def follows_temperature(effect: Any) -> bool:
     return "T" in read and not changes and not read & {"column", *OF_TIME}
 
 
-def reads_temperature(effect: Any) -> bool:
-    """True if an effect's formula has the temperature in it; True for one that cannot be looked into."""
-    try:
-        expression = traced(effect)
-    except TraceError:
-        return True
-    return any(node.operator == "T" for column in expression.columns for node in expression.below(column))
-
-
 def words_of(effect: Any) -> list[Word] | None:
     """The words with a memory of a learned effect; None where its columns are Python code of its own."""
     try:

@@ -24,7 +24,7 @@ from ..records.screen import left_out
 from ..records.segments import Flags
 from .features import DiffusiveFeatures
 from .fitting import standard_errors
-from .input_errors import MOST_SPOILT, SPOILT, GapError, InputLaw, error_behind_gaps, law_of_inputs
+from .input_errors import MOST_SPOILT, SPOILT, GapError, InputLaw, error_behind_gaps, laws_of_inputs
 from .learned_ranges import learned_ranges
 from .progress import one_blas_thread
 from .reading import Reading, like, no_flags
@@ -401,7 +401,7 @@ class FittedModel:
         """Made when they are asked for."""
         features = self.features_
         temperature = features.history_.record.temperature_name
-        yield from law_of_inputs(features.effect_list(), self.coef_, temperature, [*columns], self.residual_std_)
+        yield from laws_of_inputs(features.effect_list(), self.coef_, temperature, columns, self.residual_std_)
 
     def _learned_ranges(self) -> np.ndarray:
         """Range of each effect's share of the bias, see `learned_ranges`: of the fitted model, and found once."""

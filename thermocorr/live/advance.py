@@ -108,7 +108,7 @@ class Stream:
             key=key,
             segment_zero=zero,
             states=states,
-            behind_gap=self.gap_error.plain(self._behind_gap),
+            behind_gap=tuple(None if C is None else tuple(C.ravel().tolist()) for C in self._behind_gap),
             gates=tuple(gate.state() for _, gate in self._gates),
             gated=self._gated,
             doubts=self._doubts.state() if is_open and self._has_twin else None,
@@ -120,7 +120,10 @@ class Stream:
         self.last: Any = state.last
         self._run, self._seen = state.run, list(state.seen)
         self._open, self._until = state.open, -math.inf
-        self._behind_gap: Felt = self.gap_error.taken_up(state.behind_gap)
+        self._behind_gap: Felt = tuple(
+            None if C is None else np.reshape(C, 2 * [len(law.weights)])
+            for C, law in zip(state.behind_gap, self.gap_error.laws, strict=False)
+        )
         for (_, gate), known in zip(self._gates, state.gates or [EMPTY] * len(self._gates), strict=True):
             gate.put(known)
         self._gated, self._has_twin = state.gated, state.twin is not None
@@ -169,7 +172,8 @@ class Stream:
             step = since if step == math.inf else step
         unknown = 0.0
         if since > self.gap_error.least or self._behind_gap:
-            unknown, self._behind_gap = self.gap_error.of_row(since, self._behind_gap)
+            variance, self._behind_gap = self.gap_error.of_rows(np.array([since]), self._behind_gap)
+            unknown = float(variance[0])
         sample.stamp, sample.seconds = stamp, seconds
         sample.elapsed = elapsed = clock.between(stamp, sample.segment_zero)
         if elapsed > self._until:
