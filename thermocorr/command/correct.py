@@ -210,6 +210,9 @@ class Columns:
             )
         if kind == "seconds" and isinstance(times, pd.TimedeltaIndex):
             times = times.total_seconds()
+        elif kind == "seconds" and zoned:  # seconds since 1970, which the reader takes for dates
+            stamps = pd.DatetimeIndex(times).as_unit("ns").asi8
+            times = pd.Index(stamps // 10**9 + stamps % 10**9 / 1e9)  # each to the last digit
         return X.set_index(times) if self.model.time is None else X.assign(**{str(self.model.time): times})
 
 

@@ -164,24 +164,6 @@ class OnlineCorrector:
             if part is not None:
                 part.reset()
 
-    def place_block(self, X: Any) -> bool:
-        """Take these rows for the next ones of a record without times, and find them in it as `correct` does.
-
-        False where none of them has all that the model needs: they tell nothing, and take up their rows.
-        """
-        clock, history = self._stream.clock, self._stream.history
-        try:
-            record = read_record(X, self.model.features_.layout(), needed=self.columns, quiet=True)
-            row = history.first_row(self._screen.without_codes(record, history.max_gap))
-        except RecordError:
-            return False
-        clock.next_row, self._placed = clock.next_row if row == history.n_fitted else row, True
-        return True
-
-    def stamp(self, time: Any) -> Any:
-        """A sample's time as a number on the clock of the fitted record; RecordError for a time of another kind."""
-        return self._stream.clock.stamp(time)
-
     # ------------------------------------------------------------------------------------------------- one by one
 
     def update(self, time: Any = None, temperature: Any = None, reading: Any = math.nan, **columns: Any) -> Corrected:
@@ -217,16 +199,11 @@ class OnlineCorrector:
             values[column] = one_number(columns[name])
         U = one_number(reading)
         run = None if self.model.run is None else checked_label(columns.get(self.model.run), self.model.run)
-        return self.update_stamp(None if time is None else stream.clock.stamp(time), run, values, U)
-
-    def update_stamp(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
-        """`update` on what it makes of its arguments: a `stamp`, the temperature and columns, the reading."""
-        if stamp is None:
-            stamp, self._placed = self._stream.clock.stamp(None), True
-        return self._advance(stamp, run, values, U)
+        self._placed = True
+        return self._advance(stream.clock.stamp(time), run, values, U)
 
     def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
-        """`update_stamp` of a sample whose stamp is known."""
+        """The answer to a sample of this stamp, run, temperature with columns, and reading."""
         stream = self._stream
         refused = ""
         for name, limits in self._screen.inputs.items():
@@ -300,45 +277,33 @@ class OnlineCorrector:
             guard.check_values(thermometer, values[thermometer], X)
         times = times_of(X, self.model.features_.layout())
         labels = None if run is None else pd.Series(X[run][:] if is_frame(X) else X[:, run]).reset_index(drop=True)
-        # Fewer rows are faster one by one than in a block
-        short = n + 1 if n < 64 else 1
-        untimed = stream.clock.kind == times.kind == "rows"
-        stamps = None if untimed else stream.clock.stamps(times)
-        return self.update_stamps(stamps, values, reading, labels, short).frame(X, self.names)
+        if stream.clock.kind == times.kind == "rows":
+            self._place(pd.DataFrame(values if labels is None else {**values, run: labels}))
+            stamps = stream.clock.next_rows(n)
+        else:
+            stamps = stream.clock.stamps(times)
+        return self._updated(stamps, values, reading, labels).frame(X, self.names)
 
-    def update_stamps(
-        self,
-        stamps: np.ndarray | None,
-        values: dict[Any, np.ndarray],
-        reading: np.ndarray,
-        runs: Any = None,
-        short: int = 1,
-    ) -> Answers:
-        """`update_many` on what it made of its arguments: stamps, columns and readings as numbers, labels of runs.
+    def _place(self, X: pd.DataFrame) -> None:
+        """Find the first rows of a record without times in the fitted one, as `correct` does.
 
-        Stamps are None for a record without times. Stretches of less than `short` rows go one by one, which is faster,
-        and equal to the last digit but one.
+        Rows that lack what the model needs tell nothing; they are taken for the next ones, and those behind them too.
         """
-        if stamps is None:
-            frame = pd.DataFrame(values)
-            if not self._placed and not self.place_block(
-                frame if runs is None else frame.assign(**{self.model.run: runs})
-            ):
-                out = Answers(len(reading))
-                out.flags[:] = NO_TEMPERATURE
-                out.reference[:] = math.nan if self.track is None else self.track.value
-                self._stream.clock.next_rows(len(reading))
-                return out
-            stamps = self._stream.clock.next_rows(len(reading))
-        return self._update_known(stamps, values, reading, runs, short)
+        clock, history = self._stream.clock, self._stream.history
+        if self._placed:
+            return
+        try:
+            record = read_record(X, self.model.features_.layout(), needed=self.columns, quiet=True)
+            row = history.first_row(self._screen.without_codes(record, history.max_gap))
+        except RecordError:
+            return
+        clock.next_row, self._placed = clock.next_row if row == history.n_fitted else row, True
 
-    def _update_known(
-        self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any, short: int
-    ) -> Answers:
-        """`update_stamps` of rows whose stamps are known."""
+    def _updated(self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any) -> Answers:
+        """Answers to samples of these stamps, columns, readings and labels of runs."""
         why = refused_rows(self._screen.inputs, stamps, values)
         if why is not None:
-            return self._passed_over(why, stamps, values, reading, runs, short)
+            return self._passed_over(why, stamps, values, reading, runs)
         out = Answers(len(reading))
         for low, high, run in stretches(runs, len(stamps)):
             at = low
@@ -348,23 +313,20 @@ class OnlineCorrector:
                 n_sure = 0 if self._doubt is not None else self._stream.next_doubt(ahead, run)
                 stop = at + max(n_sure, 1)
                 rows = slice(at, stop)
-                if stop - at < short:
-                    self._singly(rows, stamps, run, values, reading, out)
-                else:
-                    if not n_sure:
-                        self._consider(ahead[0].item(), run)
-                    self._together(rows, stamps, run, values, reading, out)
+                if not n_sure:
+                    self._consider(ahead[0].item(), run)
+                self._together(rows, stamps, run, values, reading, out)
                 at = stop
         return out
 
-    def _passed_over(self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any, short: int) -> Answers:
-        """`_update_known` without the rows that the screen refuses, `why` not being "": as if they had not come."""
+    def _passed_over(self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any) -> Answers:
+        """`_updated` without the rows that the screen refuses, `why` not being "": as if they had not come."""
         kept = why == ""
         before, inner = math.nan if self.track is None else self.track.value, Answers(0)
         if kept.any():
             some = {name: column[kept] for name, column in values.items()}
             of_runs = None if runs is None else runs[kept]
-            inner = self._update_known(stamps[kept], some, reading[kept], of_runs, short)
+            inner = self._updated(stamps[kept], some, reading[kept], of_runs)
         return inner.spread(why, before)
 
     def _together(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Answers) -> None:
@@ -381,8 +343,3 @@ class OnlineCorrector:
         if self.track is not None:
             trusted = block.flags.are("", "gap")
             out.reference[rows] = self.track.many(stamps[rows] * self._stream.clock.unit, corrected, trusted)
-
-    def _singly(self, rows: slice, stamps: Any, run: Any, values: Any, reading: Any, out: Answers) -> None:
-        columns = zip(*(column[rows].tolist() for column in values.values()), strict=True)
-        samples = zip(stamps[rows].tolist(), columns, reading[rows].tolist(), strict=True)
-        out[rows] = [self._advance(t, run, dict(zip(values, one, strict=True)), U) for t, one, U in samples]

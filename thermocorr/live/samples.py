@@ -59,14 +59,6 @@ class Answers:
         self.u, self.u_smoothed = (np.full(n, np.nan) for _ in range(2))
         self.flags = Flags(n)
 
-    def __setitem__(self, rows: slice, samples: Sequence[Corrected]) -> None:
-        for name, column in zip(Corrected._fields, zip(*samples, strict=True), strict=True):
-            if name != "flags":
-                getattr(self, name)[rows] = column
-            elif any(column):
-                for k, sample in zip(range(rows.start, rows.stop), samples, strict=True):
-                    self.flags[k] = sample.flag
-
     def frame(self, X: Any, names: Sequence[str]) -> pd.DataFrame:
         """The columns of these names, with the index of X."""
         result = {name: getattr(self, COLUMNS.get(name, name)) for name in names}
