@@ -258,11 +258,6 @@ class Basis:
     """What was taken off the readings."""
     segment: np.ndarray
     begins: np.ndarray
-    count: np.ndarray
-    inside: tuple[float, float]
-    """Lowest and highest fitted temperature, about the reference [K]."""
-    time_constants: np.ndarray
-    """Those of the model's lags of the temperature [s], also where a whole grid of lags stands for them here."""
     rows: int
     """Rows of a bin."""
     groups: list[np.ndarray]
@@ -271,14 +266,6 @@ class Basis:
     """True if the lags of a whole grid stand for those of the model."""
     slow: np.ndarray
     """Lags of that grid beyond `SPECTRUM_SHARE`, shape (p,): True for those."""
-
-    def without_slow(self) -> Basis:
-        """A basis in which these have no error and no coefficient."""
-        kept = ~self.slow
-        return replace(
-            self, columns=self.columns[:, kept], free=self.free[kept], slow=self.slow[kept],
-            groups=[group[kept] for group in self.groups],
-        )  # fmt: skip
 
     def bin_seconds(self) -> float:
         """Usual time from bin to bin [s]."""
@@ -307,13 +294,10 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
         free, starts = np.flatnonzero(~decays), columns[:, decays] @ model.coef_[fitted]
     usual = float(np.median(bins.count[bins.count > 0]))  # of readings: a record may have few, or nothing but bursts
     known = bins.count >= usual / 2
-    low, high = model.reading_.temperature_range
     return Basis(
         effects=effects, history=history, own=own, columns=columns[known][:, free], free=free, width=columns.shape[1],
         reading=(bins.reading - starts)[known], offset=offset, segment=bins.segment[known],
-        begins=bins.begins[known], count=bins.count[known], rows=max(1, round(usual)),
-        inside=(low - model.reference_temperature_, high - model.reference_temperature_),
-        time_constants=model.time_constants_,
+        begins=bins.begins[known], rows=max(1, round(usual)),
         searched=not own and len(grid) > 0, slow=_slower(effects, grid, usual_longest)[free],
         groups=[group[free] for group in _priors(effects, model.features_.effect_list())],
     )  # fmt: skip
@@ -401,7 +385,7 @@ class ScaledBasis:
     def of(cls, basis: Basis) -> ScaledBasis:
         """Scale the columns and readings of a basis."""
         norms = np.linalg.norm(basis.columns, axis=0)
-        norms[norms == 0] = 1.0
+        norms[norms < 1e-60] = 1.0  # nothing, or decays that are over
         columns, mean = basis.columns / norms, float(basis.reading.mean())
         reading = basis.reading - mean
         rest = reading - columns @ np.linalg.lstsq(columns, reading, rcond=1e-10)[0]
@@ -412,7 +396,3 @@ class ScaledBasis:
             columns=columns / size[:, None], reading=reading / unit / size, norms=norms, unit=unit, mean=mean,
             size=size, span=spans(basis.segment, basis.begins, runs),
         )  # fmt: skip
-
-    def only(self, kept: np.ndarray) -> ScaledBasis:
-        """Some of the columns, shape (p,): True for those that stay."""
-        return replace(self, columns=self.columns[:, kept], norms=self.norms[kept])

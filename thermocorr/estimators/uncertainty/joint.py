@@ -262,38 +262,38 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
     scaled = ScaledBasis.of(basis)
     groups = [group / scaled.norms**2 for group in basis.groups]
     sums = BandSums(scaled.columns, scaled.reading, scaled.span, groups).settle()
+    kept = np.ones(len(basis.slow), bool)
     if basis.slow.any():
         fewer = sums.without(basis.slow).settle()
         if fewer.evidence() > sums.evidence():
-            basis, scaled, sums = basis.without_slow(), scaled.only(~basis.slow), fewer
+            sums, kept = fewer, ~basis.slow
     found = sums.estimate()
     residual = solution.residual_sum_of_squares / max(solution.n_rows, 1)
-    scale = scaled.unit / scaled.norms
+    free, scale, columns = basis.free[kept], scaled.unit / scaled.norms[kept], basis.columns[:, kept]
+    left = scaled.unit * scaled.size * (scaled.reading - scaled.columns[:, kept] @ found.coef)
     coef, mean = np.zeros(basis.width), np.zeros(basis.width)
-    coef[basis.free] = found.coef * scale
+    coef[free] = found.coef * scale
     coef[0] += scaled.mean + basis.offset
-    mean[basis.free] = basis.columns.mean(axis=0)
+    mean[free] = columns.mean(axis=0)
     values, vectors = np.linalg.eigh(found.covariance)
     half = np.zeros((basis.width, len(values)))
-    half[basis.free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    form = basis.columns.T @ basis.columns / len(basis.columns) * scale[:, None] * scale
-    form[basis.free == 0] = form[:, basis.free == 0] = 0.0  # the bias has no intercept
+    half[free] = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    form = columns.T @ columns / len(columns) * scale[:, None] * scale
+    form[free == 0] = form[:, free == 0] = 0.0  # the bias has no intercept
     return JointErrors(
         effects=basis.effects, history=basis.history, own=basis.own, coef=coef, half=half,
         dof=found.freedom(form), usual=float(np.sum(form * found.covariance)), mean=mean,
-        noise=_noise(basis, scaled, sums, found, residual), end=float(basis.begins.max()),
+        noise=_noise(basis, scaled, sums, found, residual - float(np.mean(left**2))), end=float(basis.begins.max()),
         representation=TOLERANCE * residual if not basis.searched and model.search_ is not None else 0.0,
     )  # fmt: skip
 
 
-def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted, residual: float) -> NoiseModel:
-    """Noise of single readings; `residual` is the mean square that the fit leaves of them."""
+def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted, within: float) -> NoiseModel:
+    """Noise of single readings; `within` is the mean square that the fit leaves of them beyond that of bins' means."""
     theta, covariance, rows = found.theta, found.theta_covariance, basis.rows
     white = float(theta[0])
     if rows > 1:
-        left = (scaled.reading - scaled.columns @ found.coef) * scaled.size
-        between = max(residual / scaled.unit**2 - float(np.mean(left**2)), 0.0) * rows / (rows - 1)
-        white = between or white
+        white = max(within, 0.0) / scaled.unit**2 * rows / (rows - 1) or white
     memory = rows * float(theta[0]) / white
     # Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember
     kept = (memory - 1) / (memory + 1) if memory > 1.2 else 0.0
@@ -311,7 +311,7 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
         recent=-basis.bin_seconds() / rows / float(np.log(kept)) if kept > 0 else 0.0,
         wander=wander * scaled.unit**2,
         correlation_times=times,
-        white_dof=float(max(len(scaled.reading) - len(scaled.norms), 1)),
+        white_dof=float(max(len(scaled.reading) - len(found.coef), 1)),
         wander_dof=dof,
         size_seconds=basis.begins[at],
         sizes=scaled.size[at],
