@@ -31,7 +31,6 @@ from .spectrum import (
     POOL_SIZE,
     GridLayout,
     GridRidge,
-    Projected,
     log_grid,
     project,
     reference_of,
@@ -122,10 +121,6 @@ class Factored:
         """Layout of the columns."""
         return self.columns.layout
 
-    def projected(self, reference: GridRidge) -> Projected:
-        """Factors that `project` needs."""
-        return Projected(self.whole, self.layout, reference)
-
     def cross_validation(self) -> CrossValidation:
         """Errors of sets in the folds."""
         dead = self.columns.dead(self.record, self.folds)
@@ -208,7 +203,7 @@ def learn_checked(features: DiffusiveFeatures, record: Record, reading: Reading)
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
     """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
     reference = reference_spectrum(factored)
-    path = project([factored.projected(reference)], settings.count)
+    path = project(factored.whole, factored.layout, reference, settings.count)
     alpha = final_alpha(factored, reference)
     if path and settings.count is None:
         path.append(_without_idle_ones(_with_fast_ones(path[-1], factored, cross, alpha), factored, alpha))

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -185,41 +184,47 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> n
     return np.array(errors)
 
 
-class Projected(NamedTuple):
-    """A record, and its reference model that few time constants are to reproduce."""
-
-    factor: TriangularFactor
-    layout: GridLayout
-    reference: GridRidge
-
-
-def project(records: Sequence[Projected], count: int | None = None) -> list[tuple[int, ...]]:
+def project(
+    factor: TriangularFactor, layout: GridLayout, reference: GridRidge, count: int | None = None
+) -> list[tuple[int, ...]]:
     """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
 
-    Several records on one grid get one set: the sum of their misfits, each over its residual sum of squares, is made
-    small. Returns the set after each step; the last one is the choice, with `count` members or the first whose misfit
-    falls below `TOLERANCE`. An empty list says that no lag is needed.
+    Misfits are relative to the residual sum of squares, screened by cross products and confirmed by QR. Returns the set
+    after each step; the last one is the choice, with `count` members or the first whose misfit falls below `TOLERANCE`.
+    An empty list says that no lag is needed.
     """
-    misfits = [_Misfit(*record) for record in records]
-    candidates = sorted(set.intersection(*(misfit.candidates for misfit in misfits)))
-    limit = TOLERANCE * len(records)
-    total = sum(misfit.total for misfit in misfits)
+    triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
+    target = triangle @ reference.coefficients
+    if reference.residual_sum_of_squares > 0:  # a reading that never changes leaves nothing
+        target = target / np.sqrt(reference.residual_sum_of_squares)
+    norms = np.linalg.norm(triangle, axis=0)
+    unit = triangle / np.where(norms > 0, norms, 1.0)
+    gram, moments, total = unit.T @ unit, unit.T @ target, float(target @ target)
+    path: list[tuple[int, ...]] = []
+    if count is None and total <= TOLERANCE:
+        return path
 
     def best(sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], float]:
         ordered = sorted(sets, key=lambda members: (len(members), members))
-        errors = sum(misfit.errors(ordered) for misfit in misfits)
+        columns_of = [layout.columns(members) for members in ordered]
+        widths, errors = np.array([len(columns) for columns in columns_of]), np.empty(len(ordered))
+        for width in np.unique(widths):  # sets of equal width are solved together
+            which = np.flatnonzero(widths == width)
+            columns = np.array([columns_of[i] for i in which.tolist()])
+            matrix = gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
+            solved = np.linalg.solve(matrix, moments[columns][:, :, None])[:, :, 0]
+            errors[which] = total - np.einsum("bi,bi->b", moments[columns], solved)
         return ordered[int(np.argmin(errors))], float(np.min(errors))
 
-    path: list[tuple[int, ...]] = []
-    if count is None and total <= limit:
-        return path
-    chosen: tuple[int, ...] = ()
+    candidates, chosen = layout.members(reference.ceiling).tolist(), tuple[int, ...]()
     # Most time constants of one thermometer
-    most = 8 * len(records[0].layout.deviations)
+    most = 8 * len(layout.deviations)
     for _ in range(min(count or most, len(candidates))):
         chosen = grown(chosen, candidates, best, -1e-12 * total)
         path.append(chosen)
-        if count is None and sum(misfit.exact(chosen) for misfit in misfits) <= limit:
+        matrix = unit[:, layout.columns(chosen)]
+        rest = target - matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0]
+        if count is None and float(rest @ rest) <= TOLERANCE:
             break
     return path
 
@@ -244,42 +249,3 @@ def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack:
             break
         chosen, error = other, lower
     return chosen
-
-
-class _Misfit:
-    """Misfit of sets of grid members to a reference's reading, relative to the residual sum of squares.
-
-    Screened by cross products, confirmed by QR.
-    """
-
-    def __init__(self, factor: TriangularFactor, layout: GridLayout, reference: GridRidge):
-        triangle = factor.r[layout.n_free :, :-1]  # below the rows of the free columns, which are in every set
-        self.target = triangle @ reference.coefficients
-        if reference.residual_sum_of_squares > 0:  # a reading that never changes leaves nothing
-            self.target = self.target / np.sqrt(reference.residual_sum_of_squares)
-        norms = np.linalg.norm(triangle, axis=0)
-        self.unit = triangle / np.where(norms > 0, norms, 1.0)
-        self.gram, self.moment = self.unit.T @ self.unit, self.unit.T @ self.target
-        self.total = float(self.target @ self.target)
-        self.columns = layout.columns
-        self.candidates = set(layout.members(reference.ceiling).tolist())
-
-    def errors(self, sets: Sequence[tuple[int, ...]]) -> np.ndarray:
-        """Misfit of each set; sets of equal width are solved together."""
-        columns_of = [self.columns(members) for members in sets]
-        widths = np.array([len(columns) for columns in columns_of])
-        errors = np.empty(len(sets))
-        for width in np.unique(widths):
-            which = np.flatnonzero(widths == width)
-            columns = np.array([columns_of[i] for i in which.tolist()])
-            moment = self.moment[columns]
-            matrix = self.gram[columns[:, :, None], columns[:, None, :]] + 1e-11 * np.eye(width)
-            solved = np.linalg.solve(matrix, moment[:, :, None])[:, :, 0]
-            errors[which] = self.total - np.einsum("bi,bi->b", moment, solved)
-        return errors
-
-    def exact(self, members: Sequence[int]) -> float:
-        """Misfit of one set, from the columns themselves instead of their cross products: slower, more digits."""
-        matrix = self.unit[:, self.columns(members)]
-        rest = self.target - matrix @ np.linalg.lstsq(matrix, self.target, rcond=None)[0]
-        return float(rest @ rest)
