@@ -470,12 +470,12 @@ def test_compiled_code_that_cannot_be_kept_is_compiled_all_the_same(fault, tmp_p
     else:
         monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
         monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
-    compiled._compiled_play.cache_clear()
+    compiled.compiled.cache_clear()
     try:
         followed = compiled.play(np.array([1.0, 0.0, 0.0]), np.array([2.0, 3.0, 0.5]), 0.0)
-        assert compiled._compiled_play() is not None
+        assert compiled.compiled(compiled._play) is not None
     finally:
-        compiled._compiled_play.cache_clear()
+        compiled.compiled.cache_clear()
     assert followed.tolist() == [1.0, 1.0, 0.5] and bool(refused) == (fault == "full disk")
 
 
@@ -485,7 +485,8 @@ def test_compiled_play_is_the_loop_to_the_last_bit(monkeypatch):
     results = []
     for fast in (True, False):
         if not fast:
-            monkeypatch.setattr("thermocorr.equations.compiled._compiled_play", lambda: None)
+            lags = compiled.compiled(compiled._follow)
+            monkeypatch.setattr(compiled, "compiled", {compiled._play: None, compiled._follow: lags}.get)
         model = DynamicBiasRegressor("temperature", ["10 min"], effects=[Hysteresis(0.4)])
         model.fit(record[["temperature"]], record["reading"])
         results.append(model.features_.transform(record[["temperature"]]))

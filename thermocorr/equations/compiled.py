@@ -1,7 +1,7 @@
-"""Compiled code, where numba is installed (extra "fast").
+"""Two recursions, compiled where numba is installed (extra "fast").
 
-Set the environment variable THERMOCORR_COMPILED=0 to do without. Results agree with the plain path to the last digit or
-two.
+Set the environment variable THERMOCORR_COMPILED=0 to do without. Lags agree with the plain path to the last digit or
+two, for a product and a sum may be rounded once, not twice: the processor waits half as long for each.
 """
 
 from __future__ import annotations
@@ -16,69 +16,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Play = Callable[[Floats, Floats, float, Floats], None]
 
 
 def play(low: Floats, high: Floats, position: float) -> Floats:
     """A position that is pushed, shape (n,): the last one (first `position`), brought between ``low`` and ``high``."""
-    compiled = _compiled_play()
-    if compiled is None:
+    run = compiled(_play)
+    if run is None:
         followed = [0.0] * len(low)
         _play(low.tolist(), high.tolist(), position, followed)
         return np.array(followed)
     out = np.empty(len(low))
-    compiled(low, high, position, out)
+    run(low, high, position, out)
     return out
 
 
-@cache
-def _compiled_play() -> Play | None:
-    compiled: Play | None = _compiled(_play)
-    return compiled
+def follow(change: Floats, decay: Floats, gain: Floats, first: Floats, out: Floats) -> bool:
+    """Fill `out`, shape (J, n), by the recursion of eq. (25); False without numba.
 
+    ``out[j, k] = decay[j, k] out[j, k - 1] - gain[j, k] change[k]``.
 
-def read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """A view that is so whatever the values are: there is one function to compile."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
-
-
-def is_compiled() -> bool:
-    """True if there is compiled code: numba is installed, and the environment does not forbid it."""
-    return os.environ.get("THERMOCORR_COMPILED", "1") != "0" and find_spec("numba") is not None
-
-
-def jitted(*, cache: bool = False, **options: Any) -> Callable[[Any], Any]:
-    """Decorator that compiles a function when it is first called; without numba the function stays as it is.
-
-    With `cache` the code is kept next to the source for other processes. Functions that it calls are decorated with
-    ``inline="always"``: compiled apart, they may round otherwise in the process that compiles them.
+    `first`, shape (J,), stands before the first row, and is carried on. `decay` and `gain` have two columns where all
+    rows but the first have the same.
     """
-    if find_spec("numba") is None:
-        return lambda function: function
+    run = compiled(_follow)
+    if run is not None:
+        run(change, decay, gain, first, out)
+    return run is not None
+
+
+@cache
+def compiled(function: Callable[..., None]) -> Callable[..., None] | None:
+    """A function as compiled code, which is kept next to the source for other processes; None without numba."""
+    if os.environ.get("THERMOCORR_COMPILED", "1") == "0" or find_spec("numba") is None:
+        return None
     from numba import njit
 
-    plain = njit(nogil=True, **options)
-    return (lambda function: _kept(function, plain, njit(nogil=True, cache=True, **options))) if cache else plain
-
-
-def _compiled(function: Any) -> Any:
-    """A function whose products and sums may be rounded once, not twice: the processor waits half as long for each."""
-    return jitted(cache=True, fastmath={"contract"})(function) if is_compiled() else None
-
-
-def _kept(function: Any, plain: Any, keeping: Any) -> Any:
+    options: Any = {"nogil": True, "fastmath": {"contract"}}
     try:
-        kept = keeping(function)
-    except RuntimeError:  # numba finds no folder to keep the code in: it is compiled by each process
-        return plain(function)
+        kept = njit(cache=True, **options)(function)
+    except RuntimeError:  # numba finds no folder to keep the code in: each process compiles it
+        plain: Callable[..., None] = njit(**options)(function)
+        return plain
 
-    def called(*arguments: Any) -> Any:
+    def called(*arguments: Any) -> None:
         try:
-            return kept(*arguments)
+            kept(*arguments)
         except OSError:  # it is compiled, and could not be kept: the disk is full
-            return kept(*arguments)
+            kept(*arguments)
 
     return called
 
@@ -90,3 +74,22 @@ def _play(low: Any, high: Any, position: Any, out: Any) -> None:
         elif position > high[k]:
             position = high[k]
         out[k] = position
+
+
+def _follow(change: Any, decay: Any, gain: Any, lags: Any, out: Any) -> None:
+    n, even, low = len(change), decay.shape[1] < len(change), 0
+    while low < n:  # a few rows of each body in turn: the processor, which waits for a last row, has begun others
+        high = min(low + 16, n) if low else 1
+        for j in range(len(lags)):
+            d = lags[j]
+            if even:
+                a, g = decay[j, min(low, 1)], gain[j, min(low, 1)]
+                for k in range(low, high):
+                    d = a * d - g * change[k]
+                    out[j, k] = d
+            else:
+                for k in range(low, high):
+                    d = decay[j, k] * d - gain[j, k] * change[k]
+                    out[j, k] = d
+            lags[j] = d
+        low = high

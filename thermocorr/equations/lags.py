@@ -12,18 +12,16 @@ the same line for regular and irregular steps.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dtbsv
 
-from .compiled import is_compiled, read_only
+from .compiled import follow
 
 Floats = NDArray[np.float64]
 Structure = Callable[[Floats], Floats]
-Recursion = Callable[[Floats, float, Floats, float, Floats, bool, Floats, Floats], None]
 CELLS, FINEST = 32, 2e-3
 """Cells that a gap is cut into, and the last of them as a share of the gap, or less where a lag is fast. With eight
 times as many, ten times finer, the error is the same to 2 %."""
@@ -41,16 +39,6 @@ class LagState(NamedTuple):
 
 FELT = 46.0
 """Time constants after which a start is no longer felt: exp(-46) is below 1e-20."""
-
-
-@cache
-def compiled_recursion() -> Recursion | None:
-    """`thermocorr.equations.lag_kernels.recursion`; None without numba."""
-    if not is_compiled():
-        return None
-    from . import lag_kernels
-
-    return lag_kernels.recursion
 
 
 def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
@@ -159,43 +147,33 @@ def lag_differences(
     first_step = float(steps[0])
     if state is None:
         state, first_step = equilibrium(temperature[0], time_constants), 1.0  # T has not moved: any step will do
-    recursion = compiled_recursion()
-    if recursion is not None:
-        result, lags = np.empty((n, n_lags), order="F"), np.array(state.lag_difference, dtype=np.float64)
-        T, dt = (read_only(np.ascontiguousarray(values, np.float64)) for values in (temperature, steps))
-        recursion(
-            T, float(state.temperature), dt, first_step, 1.0 / time_constants, hold == "first_order", lags, result.T
-        )
-    else:
-        change = np.empty(n)
-        change[0] = temperature[0] - state.temperature
-        np.subtract(temperature[1:], temperature[:-1], out=change[1:])
-        steps = np.concatenate(([first_step], steps[1:]))
-        result = _solved(change, steps, time_constants, state.lag_difference, hold)
+    change = np.empty(n)
+    change[0] = temperature[0] - state.temperature
+    np.subtract(temperature[1:], temperature[:-1], out=change[1:])
+    steps = np.concatenate(([first_step], steps[1:]), dtype=np.float64)
+    result = _solved(change, steps, time_constants, state.lag_difference, hold)
     return result, LagState(result[-1].copy(), float(temperature[-1]))
 
 
 def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold) -> Floats:
-    """The recursion as a unit lower bidiagonal system, solved in place column by column; row 0 is the state."""
+    """The recursion: compiled, or as a unit lower bidiagonal system for each body, solved in place."""
     n = len(change)
-    regular = n > 1 and bool((steps[1:] == steps[1]).all())
-    columns = np.empty((n + 1, len(time_constants)), order="F")
-    band = np.empty((2, n + 1), order="F")  # row 1 is the subdiagonal, - a
-    decay, gain = decay_and_gain(steps[: 2 if regular else 1, None], time_constants, hold)
-    for j, time_constant in enumerate(time_constants):
-        column = columns[:, j]
-        if regular:
-            band[1, 1:n] = -decay[1, j]
-            np.multiply(change[1:], -gain[1, j], out=column[2:])
-        else:
-            later_decay, later_gain = decay_and_gain(steps[1:], time_constant, hold)
-            np.negative(later_decay, out=band[1, 1:n])
-            np.multiply(change[1:], np.negative(later_gain, out=later_gain), out=column[2:])
-        band[1, 0] = -decay[0, j]
-        column[0] = first[j]
-        column[1] = -gain[0, j] * change[0]
+    if n > 1 and (steps[1:] == steps[1]).all():
+        steps = steps[:2]
+    if len(steps) <= 2:
+        decay, gain = decay_and_gain(steps, time_constants[:, None], hold)
+    else:  # one body after the other, as memory near the processor holds them
+        decay, gain = np.stack([decay_and_gain(steps, tau, hold) for tau in time_constants], axis=1)
+    result = np.empty((n, len(time_constants)), order="F")
+    if follow(change, decay, gain, np.array(first, np.float64), result.T):
+        return result
+    band, column = np.empty((2, n + 1), order="F"), np.empty(n + 1)  # row 1 of the band is the subdiagonal, - a
+    for j, d in enumerate(first):
+        band[1, 0], band[1, 1:n] = -decay[j, 0], -decay[j, 1:]
+        column[0], column[1], column[2:] = d, -gain[j, 0] * change[0], -gain[j, 1:] * change[1:]
         dtbsv(1, band, column, lower=1, diag=1, overwrite_x=1)  # d[k] = a[k] d[k-1] - g[k] (T[k] - T[k-1])
-    return columns[1:]
+        result[:, j] = column[1:]
+    return result
 
 
 def bridge_error(structure: Structure, length: float, time_constants: Floats) -> Floats:
