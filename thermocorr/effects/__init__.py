@@ -3,7 +3,7 @@
 from typing import Any
 
 from .catalogue import CATALOGUE
-from .covariates import Covariate, Interaction, LaggedCovariate
+from .covariates import Covariate, Interaction, LaggedCovariate, QuadraticCovariate, SaturatingCovariate
 from .disturbance import Disturbance
 from .hinge import Hinge
 from .hysteresis import Hysteresis
@@ -13,7 +13,6 @@ from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
 from .rates import Delay, Rate
-from .saturation import SaturatingCovariate
 from .signals import Signals
 from .steps import Events, SensitivityStep, SeveralSteps
 from .thermal import StaticPolynomial, ThermalLag
@@ -40,6 +39,7 @@ __all__ = [
     "Lead",
     "LogAgeing",
     "Periodic",
+    "QuadraticCovariate",
     "Rate",
     "SaturatingCovariate",
     "SensitivityDrift",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 from sklearn.utils._param_validation import Interval
@@ -11,11 +11,44 @@ from sklearn.utils._param_validation import Interval
 from ..records import Record
 from .grids import time_grid
 from .protocol import Effect, EffectInfo, suspects, time_text
-from .signals import Signals
+from .signals import BlockSignals, Signals
 from .thermal import HOLD, column_text, column_unit, seconds_array
 
 
-class Covariate(Effect):
+class OfColumn(Effect):
+    """A function of one recorded column, less its mean: U0 stays the reading under usual conditions."""
+
+    column: Any
+
+    def learn(self, record: Record) -> None:
+        """Fix the mean."""
+        self._validate_params()
+        self.mean_ = 0.0
+        parts = (self.signals(BlockSignals(block, None))[0] for block in record.blocks())
+        self.mean_ = sum(float(part.sum()) for part in parts) / record.n_used
+
+    def _text(self) -> str:
+        """The function, in a column's name."""
+        raise NotImplementedError
+
+    def _value(self, x: Signals) -> Any:
+        """The function."""
+        raise NotImplementedError
+
+    def names(self) -> list[str]:
+        """``humidity``, ``current^2``, ``humidity saturated[50]``, ``supply curved``."""
+        return [self._text()]
+
+    def means(self) -> dict[str, float]:
+        """Mean of the function."""
+        return {self._text(): self.mean_}
+
+    def signals(self, x: Signals) -> Sequence[Any]:
+        """The function less its mean."""
+        return [self._value(x) - self.mean_]
+
+
+class Covariate(OfColumn):
     """A recorded column that acts at once: humidity, pressure, supply voltage, a second temperature, ...
 
     Parameters
@@ -51,25 +84,16 @@ class Covariate(Effect):
         self._validate_params()
         self.mean_ = record.moments(self.column, self.power).mean
 
-    def names(self) -> list[str]:
-        """The column's own name; ``current^2``."""
-        return [column_text(self.column) + (f"^{self.power}" if self.power > 1 else "")]
+    def _text(self) -> str:
+        return column_text(self.column) + (f"^{self.power}" if self.power > 1 else "")
 
     def units(self) -> list[str]:
         """The column's unit where its name tells it (``room_rh_pct``), else "unit"."""
         unit = column_unit(self.column)
         return [(f"{unit}^{self.power}" if self.power > 1 and unit else unit)] * self.n_columns()
 
-    def means(self) -> dict[str, float]:
-        """Mean of the column, or of its power."""
-        return {Covariate.names(self)[0]: self.mean_}
-
     def _value(self, x: Signals) -> Any:
         return x[self.column] if self.power == 1 else x[self.column] ** self.power
-
-    def signals(self, x: Signals) -> Sequence[Any]:
-        """The column less its mean."""
-        return [self._value(x) - self.mean_]
 
     def label(self) -> str:
         """``covariate: humidity``, ``lagged covariate: current^2``."""
@@ -132,8 +156,7 @@ class LaggedCovariate(Covariate):
 
     def names(self) -> list[str]:
         """``humidity``, ``humidity lag[3600 s]``, ..."""
-        name = super().names()[0]
-        return [name, *(f"{name} lag[{time_text(tau)}]" for tau in self.time_constants_)]
+        return [self._text(), *(f"{self._text()} lag[{time_text(tau)}]" for tau in self.time_constants_)]
 
     def signals(self, x: Signals) -> Sequence[Any]:
         """The column and its lag differences."""
@@ -151,6 +174,110 @@ class ColumnLags(LaggedCovariate):
     def signals(self, x: Signals) -> Sequence[Any]:
         """The lag differences."""
         return super().signals(x)[1:]
+
+
+class SaturatingCovariate(OfColumn):
+    """A recorded column that acts less the larger it is: c/(c + half), the isotherm of Langmuir (J. Am. Chem. Soc. 40).
+
+    Parameters
+    ----------
+    column : str or int
+        Name (frames) or number (arrays) of the column; values below 0 count as 0.
+    half : float, default 50.0
+        Value of the column at which half of the effect is reached, in its unit.
+    """
+
+    kind = "saturating_covariate"
+    learned = {"mean_": "number"}
+    info = EffectInfo(
+        physics="Another recorded quantity acts until its effect is used up: a film of adsorbed moisture that grows "
+        "full, a core or an amplifier near saturation.",
+        bench_check="Raise that quantity in equal steps at constant temperature: each step moves the reading by less "
+        "than the one before.",
+        formula="column saturated[half] = column/(column + half) less its mean",
+        parameters={"half": "unit of the column"},
+        tuned=("half",),
+        example={"column": "humidity", "half": 15.0},
+        place=2.4,
+    )
+    _parameter_constraints = {"half": [Interval(Real, 0, None, closed="neither")]}
+
+    def __init__(self, column: Any = None, half: float = 50.0):
+        self.column = column
+        self.half = half
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Columns that swing by more than a tenth of a positive mean, bent strongly and mildly."""
+        found = [name for name in suspects(record, columns) if swings(record, name)]
+        means = {name: record.moments(name).mean for name in found}
+        # Halves to try, as shares of a column's mean: strongly and mildly bent
+        return [cls(name, float(f"{s * mean:.3g}")) for name, mean in means.items() if mean > 0 for s in (0.3, 1.5)]
+
+    def _text(self) -> str:
+        return f"{column_text(self.column)} saturated[{self.half:.6g}]"
+
+    def _value(self, x: Signals) -> Any:
+        value = x.maximum(x[self.column], 0.0)
+        return value / (value + self.half)
+
+    def label(self) -> str:
+        """``saturating covariate: humidity, half at 50``."""
+        return f"saturating covariate: {self.column}, half at {self.half:.6g}"
+
+
+class QuadraticCovariate(OfColumn):
+    """A recorded column that acts by the square of its distance from its mean: ``(column - mean)^2``.
+
+    `Covariate` with ``power=2`` squares the column itself, as a current dissipates heat; of a column that swings little
+    about a large mean (a supply of 230 V, a pressure of 1000 hPa) that is nearly a straight line. This is the rest.
+
+    Parameters
+    ----------
+    column : str or int
+        Name (frames) or number (arrays) of the column.
+    """
+
+    kind = "quadratic_covariate"
+    is_product = True
+    learned = {"centre_": "number", "mean_": "number"}
+    info = EffectInfo(
+        physics="The reading depends on another recorded quantity along a curve: it moves the same way whether that "
+        "quantity rises or falls, as where a bridge leaves its balance, or a second law has its own curvature.",
+        bench_check="Raise that quantity and lower it by the same amount, at constant temperature: the reading moves "
+        "the same way both times, and four times as far for twice the amount.",
+        formula="column curved = (column - its mean)^2 less its mean",
+        example={"column": "supply"},
+        place=2.45,
+    )
+
+    def __init__(self, column: Any = None):
+        self.column = column
+
+    @classmethod
+    def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
+        """Every suspect column but switches, whose squares are copies of them."""
+        return [cls(name) for name in suspects(record, columns) if has_middle(record, name)]
+
+    def learn(self, record: Record) -> None:
+        """Fix the column's mean and variance."""
+        moments = record.moments(self.column)
+        self.centre_, self.mean_ = moments.mean, moments.std**2
+
+    def _text(self) -> str:
+        return f"{column_text(self.column)} curved"
+
+    def _value(self, x: Signals) -> Any:
+        return (x[self.column] - self.centre_) ** 2
+
+    def units(self) -> list[str]:
+        """The square of the column's unit where its name tells it, else of "unit"."""
+        unit = column_unit(self.column)
+        return [f"{unit}^2" if unit else ""]
+
+    def means(self) -> dict[str, float]:
+        """Mean of the column, and of the square of its distance from it."""
+        return {column_text(self.column): self.centre_, **super().means()}
 
 
 class Interaction(Effect):
