@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
+from ..effects.products import CoarseProducts
 from ..effects.stream import equal_edges
 from ..effects.wrap import EffectsParameters, as_effects
 from ..equations import MovingAverage
 from ..readers.form import Form
-from ..records import Block, Record
+from ..records import Block, Record, RecordWarning
 from ..records.errors import warn
 from ..records.segments import Flags
-from .choosing import choose, choose_again, penalty
 from .coverage import Coverage
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, Swept, require_rows, standard_errors, sweep_effects
@@ -29,6 +30,9 @@ from .input_errors import readings_left_out
 from .progress import one_blas_thread
 from .reading import Reading, check_corrected, check_plausible, like, no_flags
 from .run_levels import RunLevels, run_levels
+from .thermometers import Thermometers
+from .time_constants.search import SearchSettings, TimeConstantChoice, search, spectrum_table
+from .time_constants.spectrum import POOL_SIZE
 from .uncertainty.assessed import SignedModel
 
 
@@ -177,21 +181,46 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             record = reader.read(X, y, sample_weight, mask)
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
-            self.search_ = choose(self, record, reading)
+            self.search_ = self._choose(record, reading)
             believed = self._learn(reader, record, reading)
             covered = Coverage.of(record, self.degree)
             if covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
-                self.search_ = choose(self, record, reading)
+                self.search_ = self._choose(record, reading)
                 believed = self._learn(reader, record, reading)
             if self.search_ is not None and believed is not record:  # the first choice had to use all readings
-                self.search_ = choose_again(self, believed)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
+                    self.search_ = self._choose(believed, Reading.of(None, None, believed))
                 believed = self._learn(reader, record, reading)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         form = getattr(X, "attrs", {}).get("form")
         self.form_ = form if isinstance(form, Form) else None
         self._conclude(record, believed)
         return self
+
+    def _choose(self, record: Record, reading: Reading) -> TimeConstantChoice | None:
+        """Choose the time constants from a record; None where they are given."""
+        count, given = None, self.time_constants
+        if not (isinstance(given, str) and given == "auto"):
+            if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= int(given) <= POOL_SIZE):
+                raise ValueError(
+                    f"The 'time_constants' parameter must be 'auto', a number to choose from 1 to {POOL_SIZE}, or a "
+                    f"list of times. Got {given!r} instead."
+                )
+            if not isinstance(given, Integral):
+                return None
+            count = int(given) * (1 + len(Thermometers.of(self.temperature).further))
+        features = self._unfitted_features(()).set_params(products=False)
+        if self.products:  # lags that are chosen with products of a coarse grid do not imitate these
+            effects = [*as_effects(features.effects), ("products", CoarseProducts())]
+            features = clone(features).set_params(effects=effects)
+        found = search(features, record, reading, SearchSettings(count=count))
+        spectrum = None
+        if found.factored is not None and found.reference is not None:
+            table = spectrum_table(found.factored, found.reference)
+            spectrum = {str(name): column.to_numpy() for name, column in table.items()}
+        return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
 
     def _knows_highest_power(self) -> bool:
         """True if the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
@@ -208,7 +237,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         require_rows(reading.n_readings, n_columns)
         check_plausible(record, reading)
         self.reading_ = reading
-        self.alpha_ = penalty(self)
+        searched = 0.0 if self.search_ is None else float(self.search_.alpha)
+        self.alpha_ = searched if self.alpha == "auto" else float(self.alpha)
         self._solve(record, features)
         believed = self._without_spoilt(record)  # what gaps spoil is known now
         if believed is not record:
