@@ -136,6 +136,9 @@ def says_something(cells: pd.Series) -> pd.Series:
 def refuse_thousands(values: pd.Series, name: str) -> None:
     """Raise RecordError for 998, 999, 1.000, 1.001: whole thousands that were read as fractions."""
     size = np.abs(values.to_numpy(float))
+    few = size[:1000]
+    if not np.nanmax(size, initial=0.0) >= 100 or (few[(few >= 100) & np.isfinite(few)] % 1).any():
+        return
     large, small = size[(size >= 100) & np.isfinite(size)], size[(size < 100) & (size > 0)]
     if not len(large) or not len(small) or large.max() >= 1000 or (large % 1).any() or not (small % 1).any():
         return

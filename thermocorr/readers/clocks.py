@@ -108,8 +108,9 @@ class Clock:
     def times(self, frame: pd.DataFrame) -> pd.Index:
         """Dates as they are written, or seconds; NaT or NaN where a cell is not written so."""
         times = self._whole(frame)
-        if isinstance(times, pd.DatetimeIndex):  # a year of another age is damaged
-            times = times.where((times.year >= 1900) & (times.year <= 2200))
+        if isinstance(times, pd.DatetimeIndex) and len(times):  # a year of another age is damaged
+            if times.min().year < 1900 or times.max().year > 2200:
+                times = times.where((times.year >= 1900) & (times.year <= 2200))
         if not self.fraction:
             return times
         part = np.round(frame[self.fraction].to_numpy(float) * self.scale, 9)
