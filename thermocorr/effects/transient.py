@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import accumulate
 from numbers import Real
@@ -65,7 +66,7 @@ class InitialTransient(Effect):
         time_constants = seconds_array(self.time_constants)
         self.decays_: dict[int, np.ndarray] = {}
         self.labels_: dict[int, str] = {}
-        runs = [segment.run for segment in record.segments]
+        alike = Counter(segment.run for segment in record.segments)
         durations = [record.read_duration(segment) for segment in record.segments]
         slow = time_constants[time_constants <= self.longest_share * sum(durations)]
         for key, (segment, limit) in enumerate(zip(record.segments, self.longest(durations), strict=True)):
@@ -77,7 +78,7 @@ class InitialTransient(Effect):
             if len(chosen) == 0 or segment.n_rows <= 2 * len(chosen):
                 continue
             self.decays_[key] = chosen
-            named = segment.run is not None and runs.count(segment.run) == 1
+            named = segment.run is not None and alike[segment.run] == 1
             self.labels_[key] = str(segment.run) if named else f"segment {key}"
 
     def longest(self, durations: Sequence[float]) -> list[float]:
@@ -105,6 +106,10 @@ class InitialTransient(Effect):
     def n_columns(self) -> int:
         """Number of the names, of which a record of many segments has thousands."""
         return sum(map(len, self.decays_.values()))
+
+    def memory(self) -> float:
+        """Nothing but the clock: its formula, of thousands of columns, need not be read for it."""
+        return 0.0
 
     def own(self, block: Block) -> np.ndarray:
         """Decays of a block's own segment, shape (n, those of the segment)."""

@@ -275,11 +275,12 @@ class BorderedFactor:
             return None
         unit = np.concatenate(([np.sqrt(self.n_rows)], length))  # of [1 | Q]
         held, border = self._eliminated(unit, np.sqrt(alpha / self.n_rows))
-        spread, target = self._inverse(held, border)
+        spread, made, size = self._inverse(held, border)
         # columns of unit length: the Frobenius norm of their triangle is at least the root of their number
-        if spread is None or not np.linalg.norm(spread) * np.sqrt(len(unit)) <= 1 / WELL_CONDITIONED:
+        if spread is None or not size * np.sqrt(len(unit)) <= 1 / WELL_CONDITIONED:
             return None
-        found = (spread @ target) / unit
+        found = made / unit
+        spread[1:] /= length[:, None]  # in its place: it may be large
         return RidgeSolution(
             intercept=float(found[0]),
             coef=found[1:],
@@ -288,7 +289,7 @@ class BorderedFactor:
             n_rows=self.n_rows,
             scale=length / unit[0],
             mean=mean,
-            inverse_triangle=spread[1:] / length[:, None],
+            inverse_triangle=spread[1:],
         )
 
     def _centred(self) -> tuple[Floats, Floats]:
@@ -323,24 +324,26 @@ class BorderedFactor:
             rest.append(rows[:, k:, k:].reshape(-1, q))
         return held, triangle(np.concatenate(rest))
 
-    def _inverse(self, held: Sequence[Floats], border: Floats) -> tuple[Floats | None, Floats]:
-        """Inverse of the triangle of ``[1 | Q]``, shape (1 + p, 1 + p), and what the reading has in it, (1 + p,).
+    def _inverse(self, held: Sequence[Floats], border: Floats) -> tuple[Floats | None, Floats, float]:
+        """Inverse of the triangle of ``[1 | Q]``, what it makes of the reading, and its norm.
 
-        None in place of the inverse where there is none.
+        Shapes (1 + p, 1 + p), (1 + p,). None in place of the inverse where there is none.
         """
         p, shared = sum(group.own.size for group in self.groups) + len(self.shared) - 2, self.shared[:-1]
-        spread, target = np.zeros((p + 1, p + 1)), np.zeros(p + 1)
+        spread, made = np.zeros((p + 1, p + 1)), np.zeros(p + 1)
         try:
-            inside = np.linalg.inv(border[: len(shared), : len(shared)])
-            spread[shared[:, None], shared], target[shared] = inside, border[: len(shared), -1]
+            inside, target = np.linalg.inv(border[: len(shared), : len(shared)]), border[: len(shared), -1]
+            spread[shared[:, None], shared], made[shared] = inside, inside @ target
+            squares = float(np.sum(inside**2))
             for group, rows in zip(self.groups, held, strict=True):
                 inverse, own = np.linalg.inv(rows[:, :, : group.k]), group.own[:, :, None]
-                spread[own, group.own[:, None, :]] = inverse
-                spread[own, shared] = -inverse @ rows[:, :, group.k : -1] @ inside
-                target[group.own] = rows[:, :, -1]
+                across = -inverse @ rows[:, :, group.k : -1] @ inside
+                spread[own, group.own[:, None, :]], spread[own, shared] = inverse, across
+                made[group.own] = np.einsum("sij,sj->si", inverse, rows[:, :, -1]) + across @ target
+                squares += float(np.sum(inverse**2) + np.sum(across**2))
         except np.linalg.LinAlgError:
-            return None, target
-        return spread, target
+            return None, made, np.inf
+        return spread, made, float(np.sqrt(squares))
 
     def _left(self, found: Floats) -> float:
         """Sum of squares of what the coefficients of ``[1 | Q]`` leave of the readings."""

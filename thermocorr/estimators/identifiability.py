@@ -38,13 +38,13 @@ def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Read
     `effects` (sequence of Effect): Learned; their columns in the order of those of `solution`. `solution`
     (RidgeSolution). `reading` (Reading): Of the fitted record.
     """
-    names = [name for effect in effects for name in effect.names()]
-    of_choice = [isinstance(effect, StaticPolynomial) for effect in effects for _ in effect.names()]
+    of_choice = [isinstance(effect, StaticPolynomial) for effect in effects for _ in range(effect.n_columns())]
     means = np.where(of_choice, 0.0, solution.mean)
     sizes = np.abs(solution.coef) * np.hypot(solution.scale, means)
     reach = float(sizes.sum())
     if not reach > FURTHEST_REACH * reading.std:
         return []
+    names = [name for effect in effects for name in effect.names()]
     return [
         f"The contributions of the model's columns cancel: they reach {reach:.3g} and leave {reading.std:.3g}. The "
         f"largest is that of {names[int(sizes.argmax())]!r}. The record does not determine these columns: "

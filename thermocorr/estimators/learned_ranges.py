@@ -19,6 +19,9 @@ from ..records.errors import quoted
 MARGIN = 3.0
 """Standard deviations of the residual by which an effect's share may leave its range."""
 
+ONE_WAY = 0.1
+"""Share of the way that a thermometer may go back and still run one way."""
+
 
 def learned_ranges(model: Any) -> np.ndarray:
     """Least and greatest share of each effect of a fitted model, `MARGIN` wider, shape (n_effects, 2).
@@ -42,15 +45,16 @@ def one_way(record: Record, thermometers: Iterable[Any]) -> list[str]:
     said = []
     for name in thermometers:
         fall = rise = 0.0
-        high, low = -np.inf, np.inf
+        high, low, known = -np.inf, np.inf, record.moments(name)
         for block in record.blocks():
             values = block[name]
             highs, lows = np.maximum.accumulate(values), np.minimum.accumulate(values)
             fall = max(fall, float(np.max(np.maximum(highs, high) - values)))
             rise = max(rise, float(np.max(values - np.minimum(lows, low))))
             high, low = max(high, float(highs[-1])), min(low, float(lows[-1]))
-        # Share of the way that a thermometer may go back and still run one way
-        if min(fall, rise) <= 0.1 * max(fall, rise):
+            if min(fall, rise) > ONE_WAY * (known.high - known.low):  # neither way is longer than the range
+                break
+        if min(fall, rise) <= ONE_WAY * max(fall, rise):
             shown, missing = ("rises", "falling") if fall < rise else ("falls", "rising")
             said.append(
                 f'{quoted(name)} only {shown} in the record: {missing} is not covered, and flagged "outside fitted '

@@ -109,8 +109,8 @@ class Clock:
         """Dates as they are written, or seconds; NaT or NaN where a cell is not written so."""
         times = self._whole(frame)
         if isinstance(times, pd.DatetimeIndex) and len(times):  # a year of another age is damaged
-            if times.min().year < 1900 or times.max().year > 2200:
-                times = times.where((times.year >= 1900) & (times.year <= 2200))
+            first, last = times.min().year, times.max().year
+            times = times if 1900 <= first <= last <= 2200 else times.where((times.year >= 1900) & (times.year <= 2200))
         if not self.fraction:
             return times
         part = np.round(frame[self.fraction].to_numpy(float) * self.scale, 9)

@@ -92,14 +92,17 @@ def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
             values = np.asarray(record.columns[column][rows], float)
             if not len(values):
                 continue
-            moves, rest = np.diff(values, prepend=values[0] if value != value else value), 0.0
-            seconds = record.times.seconds(rows, record.first_stamp()) if not even or not moves.all() else None
-            if seconds is not None:
-                since = seconds[0] if since != since else since
-                stood = _stood(moves, seconds, since)
+            begins = value != value
+            moves, rest = np.diff(values, prepend=values[0] if begins else value), 0.0
+            still = not moves[int(begins) :].all()
+            seconds = record.times.seconds(rows, record.first_stamp()) if still or not even else None
+            if still and seconds is not None:
+                stood = _stood(moves, seconds, seconds[0] if since != since else since)
                 rest, since = float((seconds - stood).max()), float(stood[-1])
-                if not even:
-                    moves[1:] /= np.maximum(np.diff(seconds) / step, 1.0)
+            elif seconds is not None:
+                since = float(seconds[-1])
+            if seconds is not None and not even:
+                moves[1:] /= np.maximum(np.diff(seconds) / step, 1.0)
             yield moves, rest
             value = float(values[-1])
             since = since if seconds is not None else np.nan
