@@ -5,8 +5,6 @@ set: they are eliminated once. Then every column is a short vector of some fifty
 solved by modified Gram-Schmidt with the reading as last column, which is as accurate as Householder's QR (Bjoerck 1967,
 BIT 7, 1). Each elimination is applied to the test side too: what is left of the test reading is the test residual, no
 coefficient is ever formed and no sum of squares is a difference of large numbers.
-
-Sets that share their first members share the work: `all_set_errors` walks the tree of all sets.
 """
 
 from __future__ import annotations
@@ -97,21 +95,15 @@ def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
 
 
 def _squares_in_batches(learned: Floats, tested: Floats, sets: Integers, out: Floats) -> None:
-    """Sum of squares that each set leaves of the tested reading: many sets at a time."""
+    """Sum of squares that each set leaves of the tested reading: many sets at a time, side by side in memory."""
+    m, both = learned.shape[1], np.vstack((learned.T, tested.T))
     # Numbers worked on at a time: they stay in the cache
-    size = max(1, (1 << 18) // ((sets.shape[1] + 1) * (learned.shape[1] + tested.shape[1])))
+    size = max(1, (1 << 17) // ((sets.shape[1] + 1) * len(both)))
     for start in range(0, len(sets), size):
-        batch = np.column_stack((sets[start : start + size], np.full(len(sets[start : start + size]), -2)))
-        a, z = learned[batch], tested[batch]
-        for j in range(sets.shape[1]):
-            _eliminate(a[:, j], a[:, j + 1 :], z[:, j], z[:, j + 1 :])
-        out[start : start + size] = np.einsum("bm,bm->b", z[:, -1], z[:, -1])
-
-
-def _eliminate(a: Floats, later_a: Floats, z: Floats, later_z: Floats) -> None:
-    """Take column a (b, m) out of the later ones (b, k, m), and the same combination on the test side."""
-    square = np.einsum("bm,bm->b", a, a)
-    inverse = np.where(square > _DEPENDENT, 1.0 / np.where(square > _DEPENDENT, square, 1.0), 0.0)
-    share = np.matmul(later_a, a[:, :, None]) * inverse[:, None, None]
-    later_a -= share * a[:, None, :]
-    later_z -= share * z[:, None, :]
+        columns = np.vstack((sets[start : start + size].T, np.full(len(sets[start : start + size]), -2)))
+        x = both[:, columns]  # shape (m + m', k + 1, sets)
+        for j in range(sets.shape[1]):  # take column j out of the later ones, and the same combination on the test side
+            square = np.einsum("mb,mb->b", x[:m, j], x[:m, j])
+            inverse = np.where(square > _DEPENDENT, 1.0 / np.where(square > _DEPENDENT, square, 1.0), 0.0)
+            x[:, j + 1 :] -= x[:, j, None] * (np.einsum("mb,mkb->kb", x[:m, j], x[:m, j + 1 :]) * inverse)
+        out[start : start + size] = np.einsum("mb,mb->b", x[m:, -1], x[m:, -1])
