@@ -9,7 +9,7 @@ from noisy import TIMES, device, markov
 from scipy.linalg import toeplitz
 from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, load_model, save_model
+from thermocorr import DynamicBiasRegressor, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.estimators import binned
 from thermocorr.estimators.uncertainty.covariance import BandSums
@@ -42,6 +42,27 @@ def test_the_variance_of_a_mean_is_the_mean_of_the_covariance_matrix(recent, eve
     for runs in (np.zeros(40, int), np.arange(40) % 2):
         when = seconds - seconds[1] * (runs if even else 0)
         assert sum(noise.of_mean(when, runs)) == pytest.approx(noise.covariance(when, runs).mean(), rel=1e-9)
+
+
+def test_what_is_not_predicted_is_white_noise_or_the_innovation_of_a_markov_process():
+    """Closed forms: white noise has no past; an Ornstein-Uhlenbeck process keeps exp(-step/tau) of the last value."""
+    white = noise_model(wander=np.zeros(2))
+    assert white.unpredicted(10.0) == pytest.approx(0.5, rel=1e-9)
+    markov_noise = noise_model(white=0.0, wander=np.array([0.0, 2.0]))
+    assert markov_noise.unpredicted(60.0) == pytest.approx(2.0 * (1 - np.exp(-0.2)), rel=1e-3)
+    assert noise_model(recent=20.0, wander=np.zeros(2)).unpredicted(10.0) == pytest.approx(
+        0.5 * (1 - np.exp(-1.0)), rel=1e-3
+    )
+
+
+def test_the_noise_of_a_certificate_is_the_floor_of_a_diagnosis():
+    """Of one record: what its past does not predict, by either way to learn the noise."""
+    for seed in range(3):
+        record = make_record(4000, coloured_noise=(0.4, 1800.0), seed=seed)
+        X, y = record.drop(columns="reading"), record["reading"]
+        model = DynamicBiasRegressor("temperature").fit(X, y)
+        unpredicted = model._joint_errors().noise.unpredicted(model.features_.history_.usual_step)
+        assert np.sqrt(unpredicted) == pytest.approx(diagnose(model, X, y).noise_floor, rel=0.05)
 
 
 def test_restricted_likelihood_finds_the_noise_of_a_record():

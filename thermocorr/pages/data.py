@@ -154,9 +154,10 @@ def _uncertainties(model: Any) -> tuple[tuple[str, float], ...]:
     if not model._knows_noise:
         return ()
     joint = model._joint_errors()
+    unpredicted = joint.noise.unpredicted(model.features_.history_.usual_step)
     parts = {
-        "noise that its past does not predict": joint.noise.white,
-        "noise that remembers": joint.noise.wander_variance,
+        "noise that its past does not predict": unpredicted,
+        "noise that its past predicts": max(joint.noise.variance - unpredicted, 0.0),
         "the bias": joint.usual,
     }
     whole = ("one corrected reading", float(np.sqrt(sum(parts.values()))))

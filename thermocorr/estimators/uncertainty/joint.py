@@ -95,7 +95,7 @@ class NoiseModel:
     """
 
     white: Variance
-    """Variance of one reading that the readings before it do not predict: white, or forgotten within `recent`."""
+    """Variance of one reading by noise that is white, or forgotten within `recent`."""
     recent: Size
     """Correlation time of that part [s]; 0 for white noise."""
     wander: Sizes
@@ -127,6 +127,18 @@ class NoiseModel:
     def variance(self) -> float:
         """Variance of one reading."""
         return self.white + self.wander_variance
+
+    def unpredicted(self, step: float) -> float:
+        """Variance of a reading about its best forecast from all before it, rows `step` apart [s] (Kolmogorov, 1941).
+
+        It is what a diagnosis calls the noise floor, squared.
+        """
+        times, sizes = np.append(self.correlation_times, self.recent), np.append(self.wander, self.white)
+        with np.errstate(divide="ignore", under="ignore"):
+            kept = np.exp(-step / times)
+        cosine = np.cos(np.pi * (np.arange(2048) + 0.5) / 2048)[:, None]
+        power = (1 - kept**2) / (1 - 2 * kept * cosine + kept**2) @ sizes
+        return float(np.exp(np.mean(np.log(np.maximum(power, np.finfo(float).tiny)))))
 
     @property
     def memory(self) -> float:
