@@ -76,15 +76,15 @@ class Form:
                 raise RecordError(f"A line is no JSON: {error}.") from None
         text = STAMPED.sub(r"\1,", text) if self.stamped else text
         if self.templates:
-            frame = rows_of(text, self.templates)
-            return frame.set_axis(frame.index + line), []
+            rows = rows_of(text, self.templates)
+            return rows.set_axis(rows.index + line), []
         text = text if text.endswith("\n") else text + "\n"
-        content, notes, numbers = text.encode(), list[str](), None
-        if not self._is_plain(text, content):
-            content, notes, numbers = self._rows(text, line, skip, most)
-        frame = self._parsed(content)
-        frame.index = pd.RangeIndex(line, line + len(frame)) if numbers is None else pd.Index(numbers)
-        return frame, notes
+        content = text.encode()
+        frame = self._parsed(content) if self._is_plain(text, content) else None
+        if frame is not None and not self._has_other_lines(frame, text):
+            return frame.set_axis(pd.RangeIndex(line, line + len(frame))), []
+        content, notes, numbers = self._rows(text, line, skip, most)
+        return self._parsed(content).set_axis(pd.Index(numbers)), notes
 
     def _parsed(self, content: bytes) -> pd.DataFrame:
         """Rows as a frame; a single column of local dates of ISO 8601 as dates, where all its cells are."""
@@ -92,7 +92,7 @@ class Form:
         given: dict[str, Any] = {
             "sep": r"\s+" if self.separator == " " else self.separator, "decimal": self.decimal, "header": None,
             "names": self.names, "index_col": False, "skipinitialspace": f"{self.separator} " in first, **_DIGITS,
-            "na_values": [*NO_VALUE, *self.missing],
+            "na_values": [*NO_VALUE, *self.missing], "low_memory": False,
         }  # fmt: skip
         dates = [
             n
@@ -101,26 +101,29 @@ class Form:
         ]
         if len(dates) == 1:
             with warnings.catch_warnings(), contextlib.suppress(Warning, ValueError, TypeError):
-                warnings.simplefilter("error")  # cells of several kinds, which the slower way tells apart
-                frame: pd.DataFrame = pd.read_csv(
+                warnings.simplefilter("error")  # dates of several kinds, which the slower way tells apart
+                dated: pd.DataFrame = pd.read_csv(
                     io.BytesIO(content), parse_dates=dates, date_format="ISO8601", **given
                 )
                 now = pd.Timestamp.now()  # pandas takes words such as "today" for it
-                if not frame[dates[0]].between(now - pd.Timedelta("2D"), now + pd.Timedelta("2D")).any():
-                    return frame
-        frame = pd.read_csv(io.BytesIO(content), low_memory=False, **given)
-        return frame
+                if not dated[dates[0]].between(now - pd.Timedelta("2D"), now + pd.Timedelta("2D")).any():
+                    return dated
+        table: pd.DataFrame = pd.read_csv(io.BytesIO(content), **given)
+        return table
 
     def _is_plain(self, text: str, content: bytes) -> bool:
-        """True if every line is a row: no comments, quotes, header again or empty ones, all of the same width."""
+        """True if all lines are of the width of a row, and none is a comment or has quotes."""
         comments = any(mark[0] in text and f"\n{mark}" in text for mark in COMMENTS) or text.startswith(COMMENTS)
         if self.separator == " " or len(self.names) < 2 or '"' in text or comments:
             return False
-        if self.header and self.header in text:
-            return False
         row = self.separator.encode() * (len(self.names) - 1) + b"\n"
         marks = content.translate(None, bytes(set(range(256)) - set(row)))
-        return marks == row * (len(marks) // len(row)) and b"\n" + row not in content and not content.startswith(row)
+        return marks == row * (len(marks) // len(row))
+
+    def _has_other_lines(self, frame: pd.DataFrame, text: str) -> bool:
+        """True if among lines of one width some are empty, or the header again, which makes its columns text."""
+        words = any(dtype.kind not in "biufmM" for dtype in frame.dtypes)
+        return (words and bool(self.header) and self.header in text) or bool(frame.isna().all(axis=1).any())
 
     def _rows(self, text: str, line: int, skip: bool, most: float) -> tuple[bytes, list[str], list[int]]:
         """The lines that are rows, notes on others, and the numbers of the rows' lines."""
