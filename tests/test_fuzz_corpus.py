@@ -70,23 +70,8 @@ def test_a_number_that_no_instrument_shows_gets_no_result(cell, correct):
 
 
 MISSING = [
-    "",
-    " ",
-    "NA",
-    " NA ",
-    "N/A",
-    "n/a",
-    "#N/A",
-    "<NA>",
-    "NULL",
-    "null",
-    "None",
-    "NaN",
-    "nan",
-    "-nan",
-    "OVLD",
-    "---",
-]
+    "", " ", "NA", " NA ", "N/A", "n/a", "#N/A", "<NA>", "NULL", "null", "None", "NaN", "nan", "-nan", "OVLD", "---",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("cell", MISSING)

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from ..effects.thermal import column_text
-from ..estimators.fitted import Inner
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import VERDICTS, distinct
 from ..estimators.time_constant_search import TimeConstantSearch
@@ -287,7 +286,6 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Okabe & Ito's palette, which colour-blind readers can tell apart."""
 PALE = "#B8C4CE"
 SHADE = "#F0E442"
-SEQUENTIAL = "viridis"
 MARKED = 100
 """Up to this many rows, each is marked."""
 TIMES = (1e-3, 1e-2, 0.1, 1, 10, 60, 600, 3600, 21_600, 86_400, 864_000, 8_640_000, 31_557_600, 315_576_000)
@@ -546,12 +544,6 @@ class Walk:
         """Walk; once."""
         for block, contributions in chain([self._first], self._blocks):
             yield self._part(block, contributions)
-
-    def inner(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, Inner]]:
-        """Segment, seconds since the first row, ambient and inner temperatures of the rows, block by block."""
-        for inner in self.model._inner_blocks(self.record):
-            block = inner.block
-            yield block.segment, block.seconds - self._shift, block.temperature, inner
 
     def uncertainties(self) -> Iterator[np.ndarray]:
         """Standard uncertainty of a reading in the rows of each of the `parts`, shape (n,)."""

@@ -216,19 +216,15 @@ class FittedModel:
         >>> bool(inner[5400.0].std() < inner[300.0].std() < record["temperature"].std())  # the slower, the calmer
         True
         """
+        record, starts, states = self._resumed(X)
         found: dict[str, np.ndarray] = {}
-        for inner in self._inner_blocks(X):
+        for inner in inner_blocks(self, self.features_.walk_resumed(record, starts, states)):
             for name, part in zip(("temperature", "start", "difference"), inner[1:], strict=True):
                 whole = found.setdefault(name, np.full((inner.block.record.n_rows, part.shape[1]), np.nan))
                 whole[inner.block.rows] = part
         index = X.index if isinstance(X, pd.DataFrame) else None
         parts = [pd.DataFrame(part, columns=self.time_constants_, index=index) for part in found.values()]
         return pd.concat(parts, axis=1, keys=found, names=["", "time constant [s]"])
-
-    def _inner_blocks(self, X: Any) -> Iterator[Inner]:
-        """The numbers of `inner_temperatures`, block by block. X may be a `Record` read before."""
-        record, starts, states = self._resumed(X)
-        return inner_blocks(self, self.features_.walk_resumed(record, starts, states))
 
     def flags(self, X: Any, y: Any = None) -> Any:
         """Why a row deserves no trust, or "".

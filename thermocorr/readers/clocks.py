@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing, option, quoted
+from ..records.times import steps_back_an_hour, summer_time_text
 from .cells import MOMENT, OF_DAY, ZONE, is_number, varies
 from .options import Options
 
@@ -296,7 +297,19 @@ def unwrapped(times: pd.Index, clock: Clock, last: float | None = None) -> pd.In
     return whole
 
 
-def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said: Options) -> Clock | None:
+def refuse_two_hours(times: pd.Index) -> None:
+    """Raise RecordError for local times that go on an hour earlier: sorting would mix the hours."""
+    steps = np.diff(as_seconds(times))
+    back = np.flatnonzero(steps < 0)
+    local = isinstance(times, pd.DatetimeIndex) and times.tz is None
+    if not local or len(back) != 1 or back[0] + 1 >= len(steps):
+        return
+    row, usual = int(back[0]), float(np.median(np.abs(steps)))
+    if steps[row + 1] <= 2.0 * usual and steps_back_an_hour(float(-steps[row]), usual):
+        raise RecordError(summer_time_text(row + 1, times[row + 1], times[row]))
+
+
+def find_clock(frame: pd.DataFrame, units: dict[str, str], said: Options) -> Clock | None:
     """The times: of all ways to read all columns the one that fits all rows, and rises most evenly.
 
     None where no column has times. Raises RecordError where two ways are left.
@@ -311,7 +324,7 @@ def find_clock(frame: pd.DataFrame, units: dict[str, str], headless: bool, said:
     ways = [_of_text(frame, tried, said) for tried in _texts(frame, columns, lower, said)]
     if not any(ways):
         named = [said.time] if said.time else [name for name in columns if _may_count(name) and _counts(frame[name])]
-        if not named and headless:
+        if not named and all(name.isdigit() for name in columns):  # a log without names
             first = next((name for name in columns if _counts(frame[name])), None)
             named = [first] if first is not None and _is_even(frame[first]) else []
         ways = [_of_numbers(frame, name, units.get(name, ""), said) for name in named if is_number(frame[name])]

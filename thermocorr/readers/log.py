@@ -15,10 +15,9 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import existing_file, listing, option, quoted, times_word
-from ..records.times import steps_back_an_hour, summer_time_text
 from ..records.units import TEMPERATURES, unit_of, unit_of_text
 from .cells import MOMENT, as_numbers, is_number, refuse_thousands, says_something, split, varies
-from .clocks import FRACTIONS, Clock, as_seconds, find_clock, unwrapped
+from .clocks import FRACTIONS, Clock, as_seconds, find_clock, refuse_two_hours, unwrapped
 from .form import JSON, Form
 from .lines import STAMPED, find_templates
 from .options import Options
@@ -28,8 +27,10 @@ from .text import decoded, unpacked
 
 FRAMES = (".parquet", ".pq", ".feather", ".arrow", ".xlsx", ".xlsm", ".ods", ".xls")
 """Endings of files that pandas reads."""
-_SAID = {",": "", ";": "separated by semicolons", "\t": "separated by tabs", "|": "separated by bars",
-         " ": "separated by blanks", JSON: "lines of JSON", "": "lines of words and numbers"}  # fmt: skip
+_SAID = {
+    ",": "separated by commas", ";": "separated by semicolons", "\t": "separated by tabs", "|": "separated by bars",
+    " ": "separated by blanks", JSON: "lines of JSON", "": "lines of words and numbers",
+}  # fmt: skip
 _TOTALS = r"average|mean|total|sum|summe|max|min|maximum|minimum|mittelwert|std|stdev"
 
 
@@ -62,7 +63,7 @@ def _of_pandas(path: Path, said: Options) -> pd.DataFrame:
             read = pd.read_feather if path.suffix.lower() in FRAMES[2:4] else pd.read_parquet
             frame: Any = read(path)
             frame = frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index()
-            return _finished(frame.set_axis(list(map(str, frame)), axis=1), Form(header=" "), said, [])
+            return _finished(frame.set_axis(list(map(str, frame)), axis=1), Form(), said, [])
         sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
     except ImportError as error:
         raise RecordError(f"{path} needs another package: {error} Or save it as CSV, .xlsx or .parquet.") from None
@@ -83,17 +84,24 @@ def _of_pandas(path: Path, said: Options) -> pd.DataFrame:
 
 def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -> pd.DataFrame:
     """Read a text: by a `form`, where it is written so, else by what it shows. RecordError where it is no log."""
-    at = None if form is None else start_of(text, form)
-    if form is not None and at is not None:
-        text, cut = _whole_lines(text)
-        skipped, clock = text.count("\n", 0, at), form.clock
-        form = replace(form, clock=None if clock is None else replace(clock))
-        frame, notes = form.cells(text[at:], skipped + 1, said.skip_bad_rows)
-        return _finished(frame, form, said, cut + notes, known=True)
+    known = form is not None and start_of(text, form) is not None
+    text = text[6:] if text[:4].lower() == "sep=" and text[5:6] == "\n" and not known else text
+    text, cut = _whole_lines(text)
+    form = replace(form) if form is not None and known else _form_of(text, encoding, said)
+    at = start_of(text, form) or 0
+    above = text.count("\n", 0, at)
+    frame, notes = form.cells(text[at:], above + 1, said.skip_bad_rows)
+    form.names = form.names or list(map(str, frame))
+    if not len(frame):
+        raise RecordError(f"It has a header ({listing(form.names)}) but no rows.")
+    notes += [] if known else _described(form, above, said)
+    return _finished(frame, form, said, cut + notes, known)
+
+
+def _form_of(text: str, encoding: str, said: Options) -> Form:
+    """How the rows of a text are written. Raises RecordError where nothing makes rows of its lines."""
     if not text or text.isspace():
         raise RecordError("The file is empty: a header line with the columns' names is needed, then a line per sample.")
-    text = text[6:] if text[:4].lower() == "sep=" and text[5:6] == "\n" else text
-    text, cut = _whole_lines(text)
     head = text[:HEAD]
     stamped = len(STAMPED.findall(head)) > 0.8 * (head.count("\n") + 1)
     shown = STAMPED.sub(r"\1,", head) if stamped else head
@@ -109,21 +117,21 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
         raise RecordError(f"It has a header ({quoted(head.strip())}) but no rows.")
     if found is None:
         raise RecordError(f"No separator makes rows of numbers and times of its lines. Say {option('sep')}.")
-    form = replace(found, encoding=encoding, missing=list(said.na), stamped=stamped)
-    at = start_of(text, form)
-    above = text.count("\n", 0, at or 0)
-    frame, notes = form.cells(text[at or 0 :], above + 1, said.skip_bad_rows)
-    notes += ["in Windows-1252, as far as one can tell"] if encoding == "cp1252" else []
-    notes += [_SAID[form.separator]] if _SAID[form.separator] else []
-    notes += ["decimal comma"] if form.decimal == "," else []
+    return replace(found, encoding=encoding, missing=list(said.na), stamped=stamped)
+
+
+def _described(form: Form, above: int, said: Options) -> list[str]:
+    """What was found out on a text with so many lines above its rows, as far as it is not the usual way."""
     preamble = above - form.below if form.header else 0
-    notes += [f"{times_word(preamble, 'line')} above the header"] if preamble > 0 else []
     headless = not form.header and not said.names and not form.templates
-    notes += [f"no header: columns are called 1, 2, ...; {option('names')} calls them otherwise"] if headless else []
-    form.names = form.names or list(map(str, frame))
-    if not len(frame):
-        raise RecordError(f"It has a header ({listing(form.names)}) but no rows.")
-    return _finished(frame, form, said, cut + notes)
+    found = {
+        "in Windows-1252, as far as one can tell": form.encoding == "cp1252",
+        _SAID[form.separator]: form.separator != ",",
+        "decimal comma": form.decimal == ",",
+        f"{times_word(preamble, 'line')} above the header": preamble > 0,
+        f"no header: columns are called 1, 2, ...; {option('names')} calls them otherwise": headless,
+    }
+    return [note for note, is_so in found.items() if is_so]
 
 
 def _whole_lines(text: str) -> tuple[str, list[str]]:
@@ -174,7 +182,7 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
             form, numbers=[name for name in map(str, frame) if is_number(frame[name])], long=_long(frame, said)
         )
         series = frame if not form.long else frame[frame[form.long[0]] == frame[form.long[0]].iloc[0]]
-        form.clock = find_clock(series, form.units, not form.header, said)
+        form.clock = find_clock(series, form.units, said)
     frame = _indexed(frame, form, said, notes)
     form.columns = list(map(str, frame))
     if form.long:
@@ -190,8 +198,8 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
 
 def timed(frame: pd.DataFrame, said: Options) -> pd.DataFrame:
     """A log that was read, with the times of the column that is said as its index."""
-    form, notes = frame.attrs.get("form") or Form(header=" "), list(frame.attrs["notes"])
-    found = find_clock(frame, form.units, False, said)
+    form, notes = frame.attrs.get("form") or Form(), list(frame.attrs["notes"])
+    found = find_clock(frame, form.units, said)
     form = replace(form, clock=found)
     indexed = _indexed(frame, form, said, notes)
     form.columns = list(map(str, indexed))
@@ -304,7 +312,7 @@ def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFr
     """The rows sorted by time, the first of those with one time; of runs each by itself."""
     run = said.run or run_among(list(map(str, frame)))
     if run not in frame:
-        _refuse_two_hours(frame)
+        refuse_two_hours(frame.index)
     keys = pd.DataFrame({"run": frame.get(run, 0), "time": frame.index}, frame.index)
     again = keys.duplicated().to_numpy()
     if again.any():
@@ -315,18 +323,6 @@ def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFr
         notes.append(f"sorted by time: {times_word(int((order != np.arange(len(order))).sum()), 'row')} moved")
         frame = frame.iloc[order]
     return frame
-
-
-def _refuse_two_hours(frame: pd.DataFrame) -> None:
-    """Raise RecordError for local times that go on an hour earlier: sorting would mix the hours."""
-    steps = np.diff(as_seconds(frame.index))
-    back = np.flatnonzero(steps < 0)
-    local = isinstance(frame.index, pd.DatetimeIndex) and frame.index.tz is None
-    if not local or len(back) != 1 or back[0] + 1 >= len(steps):
-        return
-    row, usual = int(back[0]), float(np.median(np.abs(steps)))
-    if steps[row + 1] <= 2.0 * usual and steps_back_an_hour(float(-steps[row]), usual):
-        raise RecordError(summer_time_text(row + 1, frame.index[row + 1], frame.index[row]))
 
 
 def _long(frame: pd.DataFrame, said: Options) -> list[str]:

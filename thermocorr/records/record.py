@@ -209,15 +209,6 @@ class Record:
         """Rows inside segments, without those passed over."""
         return sum(segment.n_rows for segment in self.segments) - len(self.skipped)
 
-    def stretches(self, segment: Segment) -> Iterator[tuple[int, int]]:
-        """The rows of a segment, first and behind the last, between those that are passed over."""
-        low = segment.start
-        inside = np.searchsorted(self.skipped, (segment.start, segment.stop))
-        for cut in (*self.skipped[inside[0] : inside[1]].tolist(), segment.stop):
-            if low < cut:
-                yield low, cut
-            low = cut + 1
-
     def is_skipped(self, k: int) -> bool:
         """True if the row that comes k-th in time order is passed over."""
         at = int(np.searchsorted(self.skipped, k))
