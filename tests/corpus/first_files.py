@@ -79,9 +79,13 @@ FIRST = {
         f",,0,{SPAN}," + "{t:%Y-%m-%dT%H:%M:%SZ},{a},{b}",
     ),
     "no header": (rows("", ISO + ",{a},{b}"), ["--temperature=2", "--reading=3"]),
+    "columns that pandas has counted": (
+        rows(",0,1,2\n", "{k}," + ISO + ",{a},{b}"), ["--temperature=1", "--reading=2"],
+    ),
     "no header, semicolons": (semicolons(head=""), ["--temperature=2", "--reading=3"]),
     "no header, blanks": (rows("", "{k}0  {a}  {b}"), ["--temperature=2", "--reading=3"]),
     "hhmm": rows("date,time,temp,weight\n", "{t:%Y-%m-%d},{h},{a},{b}"),
+    "yyyymmdd, a colon and hhmm": rows("time,temp,weight\n", "{t:%Y%m%d}:{t:%H%M},{a},{b}"),
     "yyyymmdd and hhmm": rows("date,time,temp,weight\n", "{t:%Y%m%d},{h},{a},{b}"),
     "yyyymmdd and hhmmss": rows("date,time,temp,weight\n", "{t:%Y%m%d},{t:%H%M%S},{a},{b}"),
     "hhmm without a date": rows("hhmm,temp,weight\n", "{h},{a},{b}", TIMES - pd.Timedelta("3h30min")),

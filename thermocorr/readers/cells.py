@@ -71,7 +71,7 @@ def varies(column: pd.Series) -> bool:
 
 
 def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tuple[pd.Series, str] | None:
-    """Text as numbers, NaN for other cells, and the unit behind them; None if most cells are not numbers.
+    """Text as numbers, NaN for other cells, and the unit behind them; None if most cells, or all, are none.
 
     Signs between thousands, exponents after D and a unit behind every number are ways of writing. `unit` (str,
     optional): What is behind them, if that is known: then nothing is asked, and None is for no number at all. Raises
@@ -114,6 +114,8 @@ def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tupl
             )
         text = text.drop(points.index).str.replace(",", ".", regex=False)
     values = pd.to_numeric(text.str.replace(r"(?<=\d)[dD](?=[-+]?\d)", "e", regex=True), errors="coerce")
+    if not values.notna().any():
+        return None
     return values.reindex(column.index).astype(float), unit
 
 

@@ -59,8 +59,11 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
         return fits[0] * sum(fits) / len(fits)
 
     real = [k for k, line in enumerate(lines) if line.strip(separator + " \t") and not line.startswith(COMMENTS)]
+    top, counts = split(lines[real[0]], separator), [str(j) for j in range(width)]
+    counted = top == ["", *counts[:-1]] or (top == counts and width > 3)  # pandas' names of columns that have none
+    rows = real[1:] if counted else real
     first = next(
-        (a for a, b in zip(real, [*real[1:], real[-1]], strict=True) if typed(a) > 0.5 and typed(b) > 0.5), None
+        (a for a, b in zip(rows, [*rows[1:], *rows[-1:]], strict=True) if typed(a) > 0.5 and typed(b) > 0.5), None
     )
     if first is None:
         raise RecordError(
@@ -71,11 +74,13 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
         cells = split(lines[k] if k in real else lines[k].lstrip("#%/ "), separator)
         filled = len(cells) - next((j for j, cell in enumerate(reversed(cells)) if cell), 0)
         words = not any(re.fullmatch(NUMBER[form.decimal], cell) for cell in cells if cell)
-        if words and (len(cells) == width or (filled in (width - 1, width, width + 1) and filled > 1)):
+        if (words or (counted and k == real[0])) and (
+            len(cells) == width or (filled in (width - 1, width, width + 1) and filled > 1)
+        ):
             heads.insert(0, (k, cells))
         elif k in real and not (heads and len(cells) == len(heads[0][1])):
             break
-    early = next((k for k in real if k < first and all(split(lines[k], separator)) and typed(k) == 1.0), None)
+    early = next((k for k in rows if k < first and all(split(lines[k], separator)) and typed(k) == 1.0), None)
     if early is not None and not heads:
         first = early
     elif early is not None:
