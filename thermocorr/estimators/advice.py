@@ -307,12 +307,13 @@ class _Stretches:
         return self.with_columns(columns).reading_errors(self.moment)
 
     def of_latest(self, folds: Sequence[tuple[range, range]]) -> np.ndarray:
-        """Errors of the mean of the last readings before each stretch."""
+        """Errors of the mean of the last readings before each stretch; NaN where none is behind `moment`."""
         edges = np.linspace(0, len(self.reading), PIECES + 1).astype(int)
         found = []
         begin = 0 if self.moment is None else int(np.ceil(self.moment * PIECES))
         for learn, test in folds:
-            level = self.reading[edges[max(learn.stop - 4, begin)] : edges[learn.stop]].mean()
+            before = self.reading[edges[max(learn.stop - 4, begin)] : edges[learn.stop]]
+            level = before.mean() if len(before) else np.nan
             found.append(np.mean((self.reading[edges[test.start] : edges[test.stop]] - level) ** 2))
         return np.maximum(found, 1e-300) + self.hidden
 

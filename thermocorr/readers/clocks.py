@@ -220,7 +220,7 @@ def _in_english(text: pd.Series) -> pd.Series:
         (r"\d\.?[- ]?[^\W\d_]{3}|[^\W\d_]{3,} \d+,? \d{4}", _MONTH, _month),
         (r":\d\d \d{4}( |$)", r"^([A-Za-z]{3}) +(\d+) ([\d:]+) (\d{4})$", r"\2 \1 \4 \3"),  # as C writes it
         (r":\d\d[,:]\d{3}", r"(:\d\d)[,:](\d{3,9})", r"\1.\2"),
-        (r", |  |\dt\d|_|\d{4}:", r",? +|(?<=\d)[Tt](?=\d)|(?<=\d)_(?=\d)|(?<=\d{4}):(?=\d)", " "),
+        (r", |  |\dt\d|_|\d{8}:", r",? +|(?<=\d)[Tt](?=\d)|(?<=\d)_(?=\d)|(?<=\d{8}):(?=\d)", " "),
     ):
         text = text.str.replace(pattern, put, regex=True) if re.search(here, seen) else text
     return text
