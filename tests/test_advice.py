@@ -8,6 +8,8 @@ from scipy.signal import lfilter
 from thermocorr import DynamicBiasRegressor, compare_variants, load_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.effects import Step
+from thermocorr.estimators.advice import NEEDLESS, REFINED, advise_refined
 
 N = 600
 
@@ -128,3 +130,15 @@ def test_the_command_writes_what_is_advised(tmp_path, capsys):
     more = ["--variant", "dynamic-linear", "--out", str(tmp_path / "none")]
     assert main([*command, str(tmp_path / "none.csv"), *more]) == 0
     assert isinstance(load_model(tmp_path / "none" / "model.json"), DynamicBiasRegressor)
+
+
+def test_longer_forecasts_from_before_a_late_step_are_unknown():
+    rng = np.random.default_rng(4)
+    X, y = hourly(20 + ROOMS["weather"](rng), 0.1 * rng.standard_normal(N))
+    y += 0.35 * X["temperature"] + (np.arange(N) > 0.85 * N)
+    found = advised(X, y)
+    refined = DynamicBiasRegressor("temperature", [], effects=[Step(X.index[int(0.85 * N)])]).fit(X, y)
+    table = advise_refined(found.advice, found.models, refined, 0.85, X, y).table
+    longer = [column for column in table if str(column).startswith("from")]
+    assert table.loc[[REFINED, *NEEDLESS], longer].isna().all(axis=None)
+    assert table.loc[[REFINED, *NEEDLESS], "all"].notna().all()
