@@ -184,6 +184,14 @@ def test_what_was_understood_is_noted(written):
     assert below.attrs["units"] == {"T": "degC", "U": "mV"}
 
 
+def test_names_that_pandas_counted_are_no_row_and_a_first_row_is_no_name(written):
+    rows = "\n".join(f"{k}.5,{a},{b},3" for k, (a, b) in enumerate(zip(T, U, strict=True))) + "\n"
+    log = read_log(written("0,1,2,3\n" + rows))
+    assert list(log) == list("0123") and len(log) == N
+    log = read_log(written("0,1\n" + "".join(f"{10 * k},{b}\n" for k, b in enumerate(U, 1))))
+    assert log["2"].tolist() == [1.0, *U]
+
+
 def test_what_is_left_out_is_counted_and_named(written):
     rows = plain().splitlines()
     rows[5:7] = ["x", "2024-05-30 23:44:00,wet,1000.1", "garbage,1,2", rows[7], rows[7]]

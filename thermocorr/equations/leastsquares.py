@@ -327,7 +327,7 @@ class BorderedFactor:
     def _inverse(self, held: Sequence[Floats], border: Floats) -> tuple[Floats | None, Floats, float]:
         """Inverse of the triangle of ``[1 | Q]``, what it makes of the reading, and its norm.
 
-        Shapes (1 + p, 1 + p), (1 + p,). None in place of the inverse where there is none.
+        Shapes (1 + p, 1 + p), (1 + p,). None in place of an inverse that does not exist.
         """
         p, shared = sum(group.own.size for group in self.groups) + len(self.shared) - 2, self.shared[:-1]
         spread, made = np.zeros((p + 1, p + 1)), np.zeros(p + 1)

@@ -191,7 +191,7 @@ def _alike(sizes: Floats, others: Floats) -> NDArray[np.intp]:
 def found_in(read: Callable[[int, int], Floats], stretches: Iterable[tuple[int, int]], usual: Usual) -> Found:
     """Look at stretches of consecutive rows, a chunk at a time.
 
-    `read` gives the values between two rows, NaN where there is none.
+    `read` gives the values between two rows, NaN for a missing one.
     """
     parts = []
     for start, stop in stretches:
@@ -210,9 +210,10 @@ def _found(values: Floats, first: int, decided: tuple[int, int], usual: Usual) -
         return (rows >= decided[0]) & (rows < decided[1])
 
     none, sizes = np.zeros(0, np.intp), np.zeros(0)
-    repeats = first + np.flatnonzero(repeated(values)) if usual.repeats else none
-    if len(repeats):
-        values = np.where(repeated(values), np.nan, values)
+    repeats = none
+    if usual.repeats:
+        again = repeated(values)
+        values, repeats = np.where(again, np.nan, values), first + np.flatnonzero(again)
         repeats = repeats[inside(repeats)]
     most, steps = min(usual.reach, OVERLOAD / 2), np.diff(values)
     if steps.max(initial=0.0) <= most and steps.min(initial=0.0) >= -most and abs(values[0]) < OVERLOAD:
@@ -324,8 +325,9 @@ def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
 
 
 DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
-"""Quantile of the steps beside what stands still that is a digit where readings are coarse; steps of so many digits at
-most are theirs; share of such steps from which readings are coarse. Of white noise of many digits it is a quarter."""
+"""Quantile of the steps to and from what stands still that is a digit where readings are coarse; number of digits that
+their steps have at most; share of such steps from which readings are coarse. Of white noise of many digits it is a
+quarter."""
 UNEVEN, JITTER, JUST, TRIMMED = 1.25, 0.15, 0.02, 0.02
 """How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
 times, standard deviation as a share of their mean that is added, variance that is added; share of the readings that
@@ -364,9 +366,9 @@ def is_repeated(values: Floats) -> bool:
     if stands.sum() < max(FEWEST, 0.15 * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
         return False
     steps = np.abs(np.diff(shown))
-    beside = steps[stands[1:] | stands[:-1]]
-    beside = beside[np.isfinite(beside)]
-    if np.mean(beside <= FEW_DIGITS * np.quantile(beside, DIGIT)) > COARSE:
+    moves = steps[stands[1:] | stands[:-1]]
+    moves = moves[np.isfinite(moves)]
+    if np.mean(moves <= FEW_DIGITS * np.quantile(moves, DIGIT)) > COARSE:
         return False
     rows = rows[1:-1][np.isfinite(steps[1:]) & np.isfinite(steps[:-1])]  # not cut by the end of a stretch
     low, high = np.quantile(rows, [TRIMMED, 1 - TRIMMED]) if len(rows) else (0, 0)

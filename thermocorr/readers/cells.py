@@ -71,7 +71,7 @@ def varies(column: pd.Series) -> bool:
 
 
 def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tuple[pd.Series, str] | None:
-    """Text as numbers, NaN for other cells, and the unit behind them; None if most cells, or all, are none.
+    """Text as numbers, NaN for other cells, and the unit behind them; None where too few cells are.
 
     Signs between thousands, exponents after D and a unit behind every number are ways of writing. `unit` (str,
     optional): What is behind them, if that is known: then nothing is asked, and None is for no number at all. Raises

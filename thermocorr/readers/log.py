@@ -121,7 +121,7 @@ def _form_of(text: str, encoding: str, said: Options) -> Form:
 
 
 def _described(form: Form, above: int, said: Options) -> list[str]:
-    """What was found out on a text with so many lines above its rows, as far as it is not the usual way."""
+    """Notes on how a text differs from plain CSV with a header; `above` (int): Lines above its first row."""
     preamble = above - form.below if form.header else 0
     headless = not form.header and not said.names and not form.templates
     found = {
