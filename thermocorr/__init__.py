@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ._version import __version__
 
 if TYPE_CHECKING:
+    from . import workbench
     from .estimators import (
         DiffusiveFeatures,
         DynamicBiasRegressor,
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     )
     from .files.codec import ModelFileError
     from .files.model_file import load_model, save_model
-    from .interactive import workbench
     from .judgement import diagnose, refine
     from .live import OnlineCorrector
     from .readers import read_log
@@ -31,7 +31,6 @@ _ROOMS = {
     ),
     "files.codec": ("ModelFileError",),
     "files.model_file": ("load_model", "save_model"),
-    "interactive": ("workbench",),
     "judgement": ("diagnose", "refine"),
     "live": ("OnlineCorrector",),
     "readers": ("read_log",),
@@ -47,7 +46,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("displays", "validation"):
+    if name in ("displays", "validation", "workbench"):
         return import_module(f".{name}", __name__)
     if name not in _ROOM_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -21,11 +21,10 @@ from ..estimators.progress import Progress, has_bars, reporting
 from ..files import Outputs
 from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
-from ..pages import Answer
-from ..pages.report import report_text
+from ..pages import Answer, report_text
 from ..records import RecordError, RecordWarning
 from ..records.errors import noted
-from ..records.numbers import span_text
+from ..records.numbers import span_text, unit_text
 from ..records.units import unit_of
 from .loading import Loaded, add_column_options, add_table_options, add_time_constants, check_time_constants, load_log
 
@@ -129,7 +128,7 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
 def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
     """Say how the log was read."""
     model = next(iter(comparison.models.values()))
-    thermometers, unit = model.thermometers_, model.reading_.temperature_unit
+    thermometers, unit = model.thermometers_, unit_text(model.reading_.temperature_unit)
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
     against = "" if model.reference is None else f" less {model.reference!r}"
     by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else " by their size"

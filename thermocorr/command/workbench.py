@@ -49,13 +49,12 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         _write_static(options, say)
         return
     try:
-        from ..interactive.browser import server
+        from ..workbench.screen import server
     except ModuleNotFoundError as error:
         if str(error.name).split(".")[0] not in ("starlette", "uvicorn"):
             raise
         raise ImportError(NEEDS) from None
-    from ..interactive.acts import ModelSettings
-    from ..interactive.opening import Opening
+    from ..workbench.screen.desk import Opening
 
     check_time_constants(options)
     for path in (*options.log, *([options.effects] if options.effects else [])):
@@ -68,17 +67,17 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     opening = Opening(
         paths=tuple(options.log),
         how=how_to_read(options),
-        named={
+        roles={
             role: value[0] if isinstance(value, list) else value
             for role in ("temperature", "reading", "reference", "run")
             if (value := getattr(options, role)) is not None
         },
-        settings=ModelSettings(
-            time_constants=tuple(taus) if isinstance(taus, list) else taus,
-            sampling_period=options.sampling_period,
-            max_gap=options.max_gap,
-        ),
-        own_file=options.effects or "",
+        model={
+            "time_constants": None if taus == "auto" else taus,
+            "sampling_period": options.sampling_period,
+            "max_gap": options.max_gap,
+        },
+        effects_file=options.effects or "",
     )
 
     def ready(address: str) -> None:
@@ -91,7 +90,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
 
 def _write_static(options: argparse.Namespace, say: Callable[[str], None]) -> None:
     """Write the page that needs no server of its own."""
-    from ..interactive.browser.static_page import WHERE, write_static
+    from ..workbench.screen.static_page import WHERE, write_static
 
     if options.pyodide is None:
         raise RecordError(f"--static needs Pyodide, the Python that runs in a browser. {WHERE}")

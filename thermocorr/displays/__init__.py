@@ -6,7 +6,7 @@ from typing import Any
 
 from .axes import Display
 from .diagnosis_displays import (
-    RefinementDisplay,
+    ErrorsDisplay,
     SuspectsDisplay,
     VariantsDisplay,
     WhereDisplay,
@@ -14,12 +14,13 @@ from .diagnosis_displays import (
     plot_refinement,
 )
 from .model_displays import ContributionsDisplay, SpectrumDisplay, StepResponseDisplay
-from .residual_displays import AllanDisplay, ResidualsDisplay
+from .residual_displays import AgainstDisplay, AllanDisplay, ResidualsDisplay
 
 __all__ = [
+    "AgainstDisplay",
     "AllanDisplay",
     "ContributionsDisplay",
-    "RefinementDisplay",
+    "ErrorsDisplay",
     "ResidualsDisplay",
     "SpectrumDisplay",
     "StepResponseDisplay",

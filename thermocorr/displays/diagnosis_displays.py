@@ -1,45 +1,25 @@
-"""Pictures of a diagnosis and of a refinement: suspects, places, steps, and all of them on one page."""
+"""Pictures of what was found: errors of corrections, suspects, places of failure, variants."""
 
 from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from ..effects.thermal import column_text
 from ..equations import moving_average
+from ..estimators.advice import NEEDLESS
 from ..estimators.variants import VariantComparison
 from ..records import Record
 from ..records.numbers import quantity_text, quantity_texts, scale_of
 from ..records.units import unit_of
-from .axes import (
-    BLACK,
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    MARKED,
-    ORANGE,
-    PALE,
-    SKY,
-    VERMILION,
-    Display,
-    TimeLine,
-    axes_grid,
-    cells_of,
-    draw_cells,
-    dress_time,
-    label_log_values,
-    label_values,
-    labelled,
-    legend_above,
-    plain,
-    pyplot,
-    without_times,
-)
+from .axes import Display, label_values, labelled, pyplot
+from .curves import cells_of, draw_panel, without_times
+from .style import BLUE, COLOURS, GREEN, ORANGE, PALE, SKY, SOFT, STYLE, TEXT, VERMILION
+from .timeline import TimeLine, dress_time
 from .words import aspect_text, each_row, ends_text, probability_text, wrapped
 
 
@@ -51,6 +31,7 @@ class WhereDisplay(Display):
     error is as large as elsewhere. The worst interval is orange, with its share of the error.
     """
 
+    alt: ClassVar[str] = "conditions under which the model fails"
     where: pd.DataFrame
     units: dict[str, str] = field(default_factory=dict)
 
@@ -64,26 +45,30 @@ class WhereDisplay(Display):
         """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
         return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw in a new figure; `ax` may be one Axes, whose place is divided."""
-        # Conditions that are drawn
-        strips = [strip for _, strip in self.frame().groupby(["aspect", "condition"], sort=False)][:8]
-        rows = max(-(-len(strips) // 2), 1)
-        axes = axes_grid(ax, rows, 2 if len(strips) > 1 else 1, size=(9.0, 0.6 + 1.45 * rows))
-        first = axes[0, 0]
-        self._drawn(axes, first)
+    def _strips(self) -> list[pd.DataFrame]:
+        """Intervals of each condition that is drawn."""
+        return [strip for _, strip in self.frame().groupby(["aspect", "condition"], sort=False)][:8]
+
+    def grid(self) -> dict[str, Any]:
+        """Rows, columns and size of the picture."""
+        n = len(self._strips())
+        rows = max(-(-n // 2), 1)
+        return {"rows": rows, "columns": 2 if n > 1 else 1, "size": (9.0, 0.5 + 1.5 * rows)}
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw a panel for each condition."""
+        strips, first = self._strips(), axes[0, 0]
+        for only in axes.ravel()[max(len(strips), 1) :]:
+            only.set_axis_off()
         if not strips:
             first.text(0.5, 0.5, "No error beyond the noise.", ha="center", va="center", transform=first.transAxes)
             first.set_axis_off()
-            return self
-        highest = 1.25 * max(1.0, *(float(strip["lift"].max()) for strip in strips))
+            return
+        highest = 1.3 * max(1.0, *(float(strip["lift"].max()) for strip in strips))
         for only, strip in zip(axes.ravel(), strips, strict=False):
             self._panel(only, strip.sort_values("low"), highest)
-        for only in axes.ravel()[len(strips) :]:
-            only.set_axis_off()
         for only in axes[:, 0]:
-            only.set_ylabel("error share /\nsample share", fontsize=8)
-        return self
+            only.set_ylabel("error share /\nsample share")
 
     def _panel(self, ax: Any, strip: pd.DataFrame, highest: float) -> None:
         """Bars of a condition's intervals, each as wide as the others; their ends are named."""
@@ -91,20 +76,19 @@ class WhereDisplay(Display):
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
         colours = [ORANGE if i == worst else SKY for i in range(len(strip))]
         ax.bar(np.arange(len(strip)) + 0.5, lift, width=0.92, color=colours)
-        ax.axhline(1.0, color=BLACK, ls="--", lw=0.8)
-        ax.text(worst + 0.5, lift[worst], f"{strip['share'].iloc[worst]:.0%}", ha="center", va="bottom", fontsize=8)
+        ax.axhline(1.0, color=TEXT, ls="--", lw=0.8)
+        ax.text(worst + 0.5, lift[worst], f"{strip['share'].iloc[worst]:.0%}", ha="center", va="bottom")
         ends = [ends_text(row, float(strip["high"].max() - strip["low"].min())) for row in each_row(strip)]
-        ax.set_xticks([0, len(strip)], [ends[0][0], ends[-1][1]], fontsize=8)
+        ax.set_xticks([0, len(strip)], [ends[0][0], ends[-1][1]])
         for label, side in zip(ax.get_xticklabels(), ("left", "right"), strict=True):
             label.set_horizontalalignment(side)
         low, high = ends[worst]
-        ax.set_title(low if low == high else f"{low} to {high}", loc="right", fontsize=8, color=VERMILION)
+        ax.set_title(low if low == high else f"{low} to {high}", loc="right", color=VERMILION)
         ax.set_xlim(0, len(strip))
         ax.set_ylim(0, highest)
-        ax.tick_params(axis="y", labelsize=8)
         # Letters of a condition's name on one line
-        ax.set_title(wrapped(self._name(strip.iloc[0]), 26, 2), loc="left", fontsize=9)
-        plain(ax)
+        ax.set_title(wrapped(self._name(strip.iloc[0]), 26, 2), loc="left")
+        ax.grid(False, axis="x")
 
     def _name(self, place: Any) -> str:
         """An aspect with its unit."""
@@ -114,72 +98,77 @@ class WhereDisplay(Display):
 
 
 @dataclass(eq=False)
-class RefinementDisplay(Display):
-    """Error of the model after each step of `refine`, in sample, held out and on later blocks, to the noise floor."""
+class ErrorsDisplay(Display):
+    """Rms error on later data without a correction, with the static and the dynamic one, and after each step.
 
-    steps: pd.DataFrame
-    noise_floor: float
+    Each is the error on stretches of the record that are predicted from everything before them: one scale for all, and
+    a line where the noise begins.
+    """
+
+    alt: ClassVar[str] = "error on later data of each correction"
+    errors: pd.Series
+    """Error by the name of the correction, in their order."""
     unit: str
-    verdict: str
+    noise_floor: float | None = None
+    chosen: str = ""
+    """The correction that is advised."""
+    promised: float | None = None
+    """Error that a suspect would leave."""
 
     @classmethod
-    def from_refinement(cls, refinement: Any) -> RefinementDisplay:
+    def from_comparison(cls, comparison: VariantComparison) -> ErrorsDisplay:
+        """Create it from what `compare_variants` found."""
+        advice = comparison.advice
+        known = advice.table["all"].drop(index=list(NEEDLESS), errors="ignore")
+        errors = pd.concat([pd.Series({"no correction": advice.before}), known])
+        return cls(errors, advice.unit, None, advice.variant or "no correction")
+
+    @classmethod
+    def from_refinement(cls, refinement: Any) -> ErrorsDisplay:
         """Create it from what `refine` did."""
-        last = refinement.diagnoses[-1]
-        return cls(refinement.steps, last.noise_floor, last.unit, last.verdict)
+        last, steps = refinement.diagnoses[-1], refinement.steps
+        names = [_name(step) for step in each_row(steps)]
+        errors = pd.Series(steps["later_rms"].to_numpy(float), index=names)
+        return cls(errors, last.unit, last.noise_floor, names[-1])
 
     def frame(self) -> pd.DataFrame:
-        """Step, effect, change, rms (in sample), held_out_rms, later_rms, db, verdict, noise_floor."""
-        return self.steps.assign(noise_floor=self.noise_floor)
+        """One row per correction: its name and its error."""
+        return self.errors.rename("error").rename_axis("correction").reset_index()
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw in `ax`, or in a new figure."""
-        n = len(self.steps)
-        axes = axes_grid(ax, size=(max(5.0, 2.2 + 1.6 * n), 4.2))[0]
-        only = axes[0]
-        x = np.arange(n)
-        later = self.steps["later_rms"]
-        if later.notna().any():
-            only.plot(x, later, "o-", color=VERMILION, label="later stretches", zorder=3)
-        only.plot(x, self.steps["held_out_rms"], "^:", color=GREEN, ms=5, label="held out", zorder=3)
-        only.plot(x, self.steps["rms"], "s-", color=BLUE, ms=5, label="in sample", zorder=3)
-        only.axhline(self.noise_floor, color=GREY, ls="--", lw=1.2, label="noise floor")
-        values = np.array([*self.steps["held_out_rms"], *later, *self.steps["rms"], self.noise_floor])
-        values = values[np.isfinite(values) & (values > 0)]
-        # Largest over smallest error, above which the axis is logarithmic
-        if len(values) and values.max() > 5.0 * values.min():
-            only.set_yscale("log")
-            label_log_values(only.yaxis, "rms error", self.unit)
-        else:
-            only.set_ylim(0.0, 1.15 * float(values.max(initial=0.0)) or 1.0)
-            label_values(only.yaxis, "rms error", self.unit)
-        only.set_xticks(x, [wrapped(_name(step), 16) for step in each_row(self.steps)], fontsize=9)
-        only.set_xlim(-0.4, n - 0.6)
-        for i, step in enumerate(each_row(self.steps)):
-            if i and np.isfinite(step.later_rms):
-                above = _free_above(step, only.get_yscale() == "log")
-                only.annotate(
-                    f"{step.db:+.1f} dB", (i, step.later_rms), xytext=(0, 9 if above else -9),
-                    textcoords="offset points", ha="center", va="bottom" if above else "top", fontsize=8,
-                    color=VERMILION, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0}, zorder=5,
-                )  # fmt: skip
-        plain(only)
-        only.grid(False, axis="x")
-        legend_above(only)
-        return self._drawn(axes, only)
+    def grid(self) -> dict[str, Any]:
+        """Size of the picture."""
+        return {"size": (9.0, 0.5 + 0.26 * max(len(self.errors), 1))}
 
-
-def _free_above(step: Any, logarithmic: bool) -> bool:
-    """True if there is more room for a label above the error on later stretches than below it."""
-    errors = np.array([step.later_rms, step.rms, step.held_out_rms])
-    with np.errstate(divide="ignore"):
-        places = np.log(errors) if logarithmic else errors
-    apart = places[1:] - places[0]
-    return bool(apart[apart > 0].min(initial=np.inf) >= -apart[apart <= 0].max(initial=-np.inf))
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw in axes of shape (1, 1)."""
+        ax, sizes = axes[0, 0], self.errors.to_numpy(float)
+        known = sizes[np.isfinite(sizes)]
+        longest = max(known.max(initial=0.0), self.noise_floor or 0.0) or 1.0
+        scale, rows = scale_of(known[known > 0].min(initial=longest), self.unit), np.arange(len(sizes))
+        colours = [BLUE if name == self.chosen else PALE for name in self.errors.index]
+        ax.barh(rows, np.nan_to_num(sizes), color=colours, height=0.66)
+        for row, size in zip(rows, sizes, strict=True):
+            text = scale.text(size) if np.isfinite(size) else "being measured"
+            ax.text(np.nan_to_num(size) + 0.01 * longest, row, text, va="center")
+        if self.promised is not None and len(sizes):
+            ax.barh(rows[-1:], self.promised, color=GREEN, height=0.3)
+        if self.noise_floor is not None:
+            ax.axvline(self.noise_floor, color=TEXT, lw=1.2)
+        ax.set_yticks(rows, [wrapped(name, 44, 2) for name in self.errors.index])
+        ax.invert_yaxis()
+        ax.set_xlim(0.0, 1.15 * longest)
+        ax.grid(False, axis="y")
+        ax.spines["left"].set_visible(False)
+        ax.tick_params(axis="y", length=0)
+        ax.set_xticks([])
+        ax.spines["bottom"].set_visible(False)
+        floor = "" if self.noise_floor is None else "; line: noise floor"
+        promised = "" if self.promised is None else "; green: with the suspect"
+        ax.set_title(f"rms error on later data{floor}{promised}")
 
 
 def _name(step: Any) -> str:
-    """A step below its place on the axis."""
+    """A step of a refinement in words."""
     return f"+ {step.effect}" if step.change == "added" else step.effect or "given model"
 
 
@@ -191,6 +180,7 @@ COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_valu
 class SuspectsDisplay(Display):
     """Suspects ranked: fall of the error on later data, how sure it is, and what each cannot be told from."""
 
+    alt: ClassVar[str] = "suspects and what each takes away"
     ranking: pd.DataFrame
     verdict: str
     named: bool = False
@@ -205,18 +195,21 @@ class SuspectsDisplay(Display):
         """Label, kind, column, standing, gain_db, later_db, p_value, share and confusable_with, the best first."""
         return self.ranking.reindex(columns=COLUMNS)
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw in `ax`, or in a new figure."""
-        frame = self.frame().head(SHOWN)
-        axes = axes_grid(ax, size=(9.0, 1.3 + 0.42 * max(len(frame), 1)))[0]
-        only = axes[0]
-        self._drawn(axes, only)
-        title = f"Verdict: {self.verdict}" + (f" - {frame['label'].iloc[0]}" if self.named and len(frame) else "")
-        only.set_title(wrapped(title, 80), loc="left", fontsize=10)
+    def grid(self) -> dict[str, Any]:
+        """Size of the picture."""
+        shown = self.frame().head(SHOWN)
+        lines = sum(2 if len(others) else 1 for others in shown["confusable_with"])
+        return {"size": (9.0, 1.2 + 0.25 * max(lines, 1) + 0.1 * len(shown))}
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw in axes of shape (1, 1)."""
+        frame, only = self.frame().head(SHOWN), axes[0, 0]
+        title = f"Verdict: {self.verdict}" + (f": {frame['label'].iloc[0]}" if self.named and len(frame) else "")
+        only.set_title(wrapped(title, 80), loc="left")
         if not len(frame):
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
             only.set_axis_off()
-            return self
+            return
         certain = frame["standing"].fillna("") != ""
         falls = frame["later_db"].fillna(frame["gain_db"])  # a jump at the end has no later data
         gains = falls.clip(lower=0.0)
@@ -227,38 +220,25 @@ class SuspectsDisplay(Display):
             text = f"p-value {probability_text(suspect.p_value)}"
             if suspect.standing == "helps":
                 text = "helps on later data, cause not proven"
-            text += f", takes away {suspect.share:.0%}"
-            if falls.iloc[row] <= 0:
-                text += ", no gain"
+            text += f", takes away {suspect.share:.0%}" if falls.iloc[row] > 0 else ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
                 # Letters next to a bar; `frame` has everything
                 text += "\n" + textwrap.shorten(f"not to be told from {others}", 58, placeholder=" ...")
-            only.text(
-                float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", fontsize=8, linespacing=1.1,
-                color="0.1" if certain.iloc[row] else "0.4",
-            )  # fmt: skip
-        # Letters of a suspect's name on one line
-        labels = [wrapped(label, 38) for label in frame["label"]]
-        only.set_yticks(range(len(frame)), labels, fontsize=8 if any("\n" in label for label in labels) else None)
+            colour = TEXT if certain.iloc[row] else SOFT
+            only.text(float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", linespacing=1.1, color=colour)
+        only.set_yticks(range(len(frame)), [wrapped(label, 34) for label in frame["label"]])
         if self.named:
             only.get_yticklabels()[0].set_fontweight("bold")
         only.invert_yaxis()
-        only.set_xlim(0, 1.9 * reach)
-        plain(only)
+        only.set_xlim(0, 2.1 * reach)
         only.grid(False, axis="y")
-        only.set_xlabel(
-            f"fall of the squared error on later data [dB]\nblue: named (proven at p <= {self.level:g}, or helpful)"
-        )
-        return self
+        only.set_xlabel(f"fall of the squared error on later data [dB]; blue: named (p ≤ {self.level:g}, or helpful)")
 
 
 def plot_diagnosis(diagnosis: Any, X: Any = None) -> Any:
     """Draw suspects above, places of failure below; returns the figure. `X`, the record, tells units of columns."""
-    figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.2))
-    SuspectsDisplay.from_diagnosis(diagnosis).plot(upper)
-    WhereDisplay.from_diagnosis(diagnosis, X).plot(lower)
+    figure = _both(SuspectsDisplay.from_diagnosis(diagnosis), WhereDisplay.from_diagnosis(diagnosis, X))
     residual, floor = quantity_texts((diagnosis.residual_rms, diagnosis.noise_floor), diagnosis.unit)
     figure.suptitle(
         f"Residual {residual}, noise floor {floor}: "
@@ -270,10 +250,17 @@ def plot_diagnosis(diagnosis: Any, X: Any = None) -> Any:
 
 def plot_refinement(refinement: Any) -> Any:
     """Draw the steps above, what is suspected after the last one below; returns the figure."""
-    figure = pyplot().figure(figsize=(9.5, 8.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1)
-    RefinementDisplay.from_refinement(refinement).plot(upper)
-    SuspectsDisplay.from_diagnosis(refinement.diagnoses[-1]).plot(lower)
+    last = refinement.diagnoses[-1]
+    return _both(ErrorsDisplay.from_refinement(refinement), SuspectsDisplay.from_diagnosis(last))
+
+
+def _both(*displays: Display) -> Any:
+    """Two pictures on one page."""
+    heights = [display.grid()["size"][1] for display in displays]
+    with pyplot().rc_context(STYLE):
+        figure = pyplot().figure(figsize=(9.0, sum(heights) + 0.4), layout="constrained")
+        for display, place in zip(displays, figure.subplots(2, 1, height_ratios=heights), strict=True):
+            display.plot(place)
     return figure
 
 
@@ -288,6 +275,7 @@ class VariantsDisplay(Display):
     (26). All corrections have the same scale.
     """
 
+    alt: ClassVar[str] = "reading before and after each correction"
     cells: pd.DataFrame
     timeline: TimeLine
     table: pd.DataFrame
@@ -325,25 +313,27 @@ class VariantsDisplay(Display):
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw; `ax` may be one Axes, whose place is divided, or two for each variant and for the reading."""
+    def grid(self) -> dict[str, Any]:
+        """Rows, columns and size of the picture: over time, and against temperature."""
+        rows = len(self.table)
+        return {"rows": rows, "columns": 2, "size": (9.0, 1.6 * rows), "sharex": "col", "width_ratios": (3, 1.4)}
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw the reading, then each variant, over time and against temperature."""
         variants = [name for name in self.table.index if name != READING]
-        rows = [READING, *variants]
-        axes = axes_grid(ax, len(rows), 2, size=(11.0, 1.9 * len(rows) + 0.6), sharex="col", width_ratios=(3, 1.4))
-        for (left, right), name, colour in zip(axes, rows, (BLACK, *COLOURS), strict=False):
-            draw_cells(left, self.cells, self.timeline, name, colour, lw=0.9)
-            size = 7 if len(self.cells) <= MARKED else 2.5
+        for (left, right), name, colour in zip(axes, [READING, *variants], (TEXT, *COLOURS), strict=False):
+            draw_panel(left, self.cells, self.timeline, name, colour)
+            size = 7 if len(self.cells) <= 100 else 2.5
             right.plot(self.cells["temperature"], self.cells[name], ".", ms=size, color=colour, alpha=0.6)
-            left.set_title(self._title(name), loc="left", fontsize=10)
+            left.set_title(self._title(name), loc="left")
             left.margins(x=0.01)
         axes[0, 1].set_ylim(axes[0, 0].get_ylim())
         self._share_scale(axes[1:], variants)
         for i, (left, right) in enumerate(axes):
-            last = i == len(rows) - 1
+            last = i == len(axes) - 1
             dress_time(left, self.timeline, labels=last)
-            for axes_ in (left, right):
-                plain(axes_)
-                axes_.tick_params(labelbottom=last)
+            for ax in (left, right):
+                ax.tick_params(labelbottom=last)
             label_values(left.yaxis, self.reading[0] if i == 0 else "corrected", self.reading[1])
             label_values(right.yaxis, "", "")
             right.set_ylabel("")
@@ -351,8 +341,7 @@ class VariantsDisplay(Display):
             right.locator_params(axis="x", nbins=4)
         axes[0, 0].figure.align_ylabels(axes[:, 0])
         axes[-1, 1].set_xlabel(labelled(*self.temperature))
-        axes[0, 1].set_title("against temperature", loc="left", fontsize=10)
-        return self._drawn(axes, axes[0, 0])
+        axes[0, 1].set_title("against temperature", loc="left")
 
     def _title(self, name: str) -> str:
         figures: Any = self.table.loc[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -12,44 +12,34 @@ from ..effects.expressions import follows_temperature
 from ..effects.protocol import Effect
 from ..estimators.time_constants.search import CONFIDENCE_95, UNDETERMINED
 from ..records import Layout, read_record
-from ..records.numbers import quantity_text
+from ..records.numbers import quantity_text, unit_text
 from ..records.units import difference_unit
-from .axes import (
-    BLUE,
-    COLOURS,
-    GREY,
-    ORANGE,
-    Display,
-    TimeLine,
-    Walk,
-    axes_grid,
-    cells_of,
-    draw_cells,
-    dress_time,
-    label_values,
-    legend_above,
-    log_time_axis,
-    name_runs,
-    plain,
-    regressor_of,
-    without_times,
-)
+from .axes import Display, label_values, legend_above, log_time_axis
+from .curves import Curves, cells_of, draw_panel, regressor_of, without_times
+from .style import BLUE, COLOURS, GROUND, ORANGE, SOFT, TEXT
+from .timeline import TimeLine, dress_time, name_runs
 
 
 @dataclass(eq=False)
 class ContributionsDisplay(Display):
-    """Contribution of each effect over time, the largest first, one panel each.
+    """What each effect adds over time, the largest first; beside it, how it answers a step of temperature.
 
     Attributes
     ----------
     rms : Series
         Root mean square of each effect's contribution about its mean, the largest first, in the unit of the reading.
+    responses : DataFrame
+        Time after a step of 1 K [s], and what each effect that follows the temperature adds since.
     """
 
+    alt: ClassVar[str] = "what each effect adds over time, and its answer to a step of temperature"
     cells: pd.DataFrame
     timeline: TimeLine
     rms: pd.Series
     unit: str
+    responses: pd.DataFrame
+    degree: str
+    samples: bool = False
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> ContributionsDisplay:
@@ -61,22 +51,39 @@ class ContributionsDisplay(Display):
             Fitted; or a search with a ``best_estimator_``.
         X : as for `DynamicBiasRegressor.contributions`
         """
-        walk = Walk(model, X)
-        labels = walk.labels()
+        return cls.of(Curves(model, X))
+
+    @classmethod
+    def of(cls, curves: Curves) -> ContributionsDisplay:
+        """Create it from curves."""
+        labels, model = curves.labels(), curves.model
         count = np.zeros(1)
         moments = np.zeros((2, len(labels)))
 
         def parts() -> Any:
-            for part in walk.parts():
+            for part in curves.parts():
                 known = part.contributions[np.isfinite(part.contributions).all(axis=1)]
                 count[:] += len(known)
                 moments[:] += known.sum(axis=0), np.einsum("ij,ij->j", known, known)
                 yield part.segment, part.seconds, part.contributions
 
-        cells = cells_of(walk.timeline, labels, walk.n_rows, parts())
+        cells = cells_of(curves.timeline, labels, curves.n_rows, parts())
         mean, square = moments / np.maximum(count, 1)
         rms = pd.Series(np.sqrt(np.maximum(square - mean**2, 0.0)), index=labels, name="rms")
-        return cls(cells, walk.timeline, rms.sort_values(ascending=False, kind="stable"), walk.model.reading_.unit)
+        effects = model.features_.effect_list()
+        times, ends = _times(model), np.cumsum([0, *(effect.n_columns() for effect in effects)])
+        columns = _columns(model, effects, times, 1.0) * model.coef_
+        follow = [k for k, effect in enumerate(effects) if follows_temperature(effect)]
+        each = {labels[k]: columns[:, ends[k] : ends[k + 1]].sum(axis=1) for k in follow}
+        return cls(
+            cells=cells,
+            timeline=curves.timeline,
+            rms=rms.sort_values(ascending=False, kind="stable"),
+            unit=model.reading_.unit,
+            responses=pd.DataFrame({"time": times, **each}),
+            degree=difference_unit(model.reading_.temperature_unit),
+            samples=without_times(model),
+        )
 
     def frame(self) -> pd.DataFrame:
         """The numbers drawn: time, segment, seconds, n, and of each effect its mean, ``_low`` and ``_high``.
@@ -85,22 +92,39 @@ class ContributionsDisplay(Display):
         """
         return self.cells.copy()
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw one panel per effect; `ax` may be one Axes, whose place is divided, or one for each effect."""
-        # Effects that get a panel; the smallest of more are added together
-        labels = self.rms.index[:8]
-        axes = axes_grid(ax, len(labels), size=(9.0, 1.0 + 1.5 * len(labels)), sharex=True)[:, 0]
-        for axes_, label, colour in zip(axes, labels, (COLOURS * 2)[: len(labels)], strict=True):
-            draw_cells(axes_, self.cells, self.timeline, label, colour)
-            plain(axes_)
-            axes_.margins(x=0.01)
-            dress_time(axes_, self.timeline, labels=axes_ is axes[-1])
-            label_values(axes_.yaxis, "adds", self.unit)
-            axes_.set_title(f"{label}: rms {quantity_text(self.rms[label], self.unit)}", loc="left", fontsize=10)
-            axes_.tick_params(labelbottom=axes_ is axes[-1])
-        name_runs(axes[0], self.timeline)
-        axes[0].figure.align_ylabels(axes)
-        return self._drawn(axes, axes[0])
+    def grid(self) -> dict[str, Any]:
+        """Rows, columns and size of the picture: effects that get a panel, and whether one answers a step."""
+        shown = {"rows": min(len(self.rms), 8), "size": (9.0, 0.9 + 1.35 * min(len(self.rms), 8)), "sharex": "col"}
+        return {**shown, "columns": 2, "width_ratios": (2.6, 1)} if self.responses.shape[1] > 1 else shown
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw in axes of shape (effects, 1 or 2)."""
+        for row, label, colour in zip(axes, self.rms.index, COLOURS * 2, strict=False):
+            left, last = row[0], row[0] is axes[-1, 0]
+            draw_panel(left, self.cells, self.timeline, label, colour)
+            left.margins(x=0.01)
+            dress_time(left, self.timeline, labels=last)
+            label_values(left.yaxis, "adds", self.unit)
+            left.set_title(f"{label}: rms {quantity_text(self.rms[label], self.unit)}")
+            left.tick_params(labelbottom=last)
+            if len(row) > 1:
+                self._answer(row[1], label, colour, last)
+        name_runs(axes[0, 0], self.timeline)
+        axes[0, 0].figure.align_ylabels(axes[:, 0])
+
+    def _answer(self, ax: Any, label: str, colour: str, last: bool) -> None:
+        """Answer of an effect to a step of temperature; empty for one that does not follow it."""
+        time = self.responses["time"]
+        ax.set_xlim(time.iloc[0], time.iloc[-1])
+        if label in self.responses:
+            ax.plot(time, self.responses[label], color=colour, lw=1.6)
+            ax.set_title(f"after a step of 1 {unit_text(self.degree)}")
+        log_time_axis(ax, "time after the step" if last else "", self.samples)
+        if label in self.responses:
+            label_values(ax.yaxis, "adds", self.unit)
+        else:
+            ax.set_axis_off()
+        ax.tick_params(labelbottom=last)
 
 
 POINTS = 200
@@ -114,6 +138,7 @@ class StepResponseDisplay(Display):
     their sum is known far better than each of them.
     """
 
+    alt: ClassVar[str] = "bias after a step of temperature"
     response: pd.DataFrame
     time_constants: np.ndarray
     step: float
@@ -160,26 +185,27 @@ class StepResponseDisplay(Display):
         """Time after the step [s], response of the bias, and its standard error, in the unit of the reading."""
         return self.response.copy()
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw in `ax`, or in a new figure."""
-        axes = axes_grid(ax, size=(7.0, 4.2))[0]
-        only = axes[0]
+    def grid(self) -> dict[str, Any]:
+        """Size of the picture."""
+        return {"size": (7.0, 4.0)}
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw in axes of shape (1, 1)."""
+        only = axes[0, 0]
         time, value = self.response["time"], self.response["response"]
         error = CONFIDENCE_95 * self.response["standard_error"]
         only.fill_between(time, value - error, value + error, color=BLUE, alpha=0.25, lw=0, label="95 % confidence")
         only.plot(time, value, color=BLUE, lw=1.8, label="response")
-        only.axhline(float(value.iloc[-1]), color=GREY, ls="--", lw=1.0, label="at rest again")
-        only.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+        only.axhline(float(value.iloc[-1]), color=SOFT, ls="--", lw=1.0, label="at rest again")
+        only.axhline(0.0, color=SOFT, lw=0.8, zorder=1)
         if len(self.time_constants):
-            ends = np.zeros(len(self.time_constants))
-            place = only.get_xaxis_transform()
-            only.plot(self.time_constants, ends + 0.02, "|k", ms=9, mew=1.6, transform=place, label="time constants")
+            ends = np.full(len(self.time_constants), 0.02)
+            how = {"color": TEXT, "ms": 9, "mew": 1.6, "transform": only.get_xaxis_transform()}
+            only.plot(self.time_constants, ends, "|", **how, label="time constants")
         only.set_xlim(time.iloc[0], time.iloc[-1])
-        plain(only)
         log_time_axis(only, "time after the step", self.samples)
-        label_values(only.yaxis, f"bias after a step of {self.step:g} {self.temperature_unit}", self.unit)
+        label_values(only.yaxis, f"bias after a step of {self.step:g} {unit_text(self.temperature_unit)}", self.unit)
         legend_above(only)
-        return self._drawn(axes, only)
 
 
 def _times(fitted: Any) -> np.ndarray:
@@ -226,6 +252,7 @@ class SpectrumDisplay(Display):
     seen: coefficients below twice their standard error, were each the only lag and the residuals white.
     """
 
+    alt: ClassVar[str] = "coefficient of each lag over its time constant"
     lags: pd.DataFrame
     spectrum: pd.DataFrame | None
     unit: str
@@ -271,18 +298,21 @@ class SpectrumDisplay(Display):
         """
         return self.lags.copy()
 
-    def plot(self, ax: Any = None) -> Self:
-        """Draw; `ax` may be one Axes, whose place is divided where there is a spectrum, or two."""
+    def grid(self) -> dict[str, Any]:
+        """Rows and size of the picture."""
         rows = 1 if self.spectrum is None else 2
-        axes = axes_grid(ax, rows, size=(7.0, 2.9 * rows), sharex=True)[:, 0]
-        top = axes[0]
+        return {"rows": rows, "size": (7.0, 2.7 * rows), "sharex": True}
+
+    def draw(self, axes: np.ndarray) -> None:
+        """Draw in axes of shape (1 or 2, 1)."""
+        top = axes[0, 0]
         taus = self.lags["time_constant"].to_numpy()
         errors = CONFIDENCE_95 * self.lags["standard_error"].to_numpy()
         top.vlines(taus, 0.0, self.lags["coefficient"], color=BLUE, lw=1.0, alpha=0.6)
         values, spans, vague = self.lags["coefficient"].to_numpy(), self._spans(), self._vague()
         for chosen, fill, label in (
             (~vague, BLUE, "lags of the model, 95 % intervals"),
-            (vague, "white", "time constant not determined by the record"),
+            (vague, GROUND, "time constant not determined by the record"),
         ):
             if chosen.any():
                 top.errorbar(
@@ -291,22 +321,18 @@ class SpectrumDisplay(Display):
                 )  # fmt: skip
         limits = np.array([taus.min() / 4, taus.max() * 4])
         if self.spectrum is not None:
-            self._draw_spectrum(axes[1])
+            self._draw_spectrum(axes[1, 0])
             ends = self.spectrum["time_constant"].iloc[[0, -1]].to_numpy() * (0.8, 1.25)
             limits = np.array([min(limits[0], ends[0]), max(limits[1], ends[1])])
-        for axes_ in axes:
-            axes_.set_xlim(*limits)
-            axes_.axhline(0.0, color="0.4", lw=0.8, zorder=1)
-            plain(axes_)
-            log_time_axis(axes_, "time constant", self.samples)
-            legend_above(axes_)
-        for axes_ in axes[:-1]:
-            axes_.set_xlabel("")
-            axes_.tick_params(labelbottom=False)
+        for ax in axes[:, 0]:
+            ax.set_xlim(*limits)
+            ax.axhline(0.0, color=SOFT, lw=0.8, zorder=1)
+            log_time_axis(ax, "time constant" if ax is axes[-1, 0] else "", self.samples)
+            ax.tick_params(labelbottom=ax is axes[-1, 0])
+            legend_above(ax)
         label_values(top.yaxis, "coefficient", self.unit)
         if self.spectrum is not None:
-            label_values(axes[1].yaxis, r"spectrum $\mu(\tau)$", self.unit)
-        return self._drawn(axes, top)
+            label_values(axes[1, 0].yaxis, "spectrum μ(τ)", self.unit)
 
     def _vague(self) -> np.ndarray:
         """Time constants that the record does not determine; none where this was not asked."""
@@ -327,7 +353,7 @@ class SpectrumDisplay(Display):
         low, high = ax.get_ylim()
         least = self.spectrum["smallest_coefficient"]
         label = "too small to be seen" if least.max() > 0.01 * (high - low) else None
-        ax.fill_between(tau, -least, least, color=GREY, alpha=0.25, lw=0, zorder=1, label=label)
+        ax.fill_between(tau, -least, least, color=SOFT, alpha=0.25, lw=0, zorder=1, label=label)
         ax.set_ylim(low, high)
 
 

@@ -11,12 +11,15 @@ import numpy as np
 import pandas as pd
 
 from ..effects import Disturbance
+from ..effects.protocol import SINCE_START, TEMPERATURE, TEMPERATURE_DIFFERENCE
 from ..effects.wrap import as_effects
 from ..estimators.tables import VERDICTS
 from ..records.errors import printable
-from ..records.numbers import UNKNOWN, Scale, quantity_text, scale_of, span_text, span_texts
+from ..records.numbers import SUPERSCRIPTS, UNKNOWN, Scale, quantity_text, scale_of, span_text, span_texts, unit_text
+from ..records.units import difference_unit
 
 MINUS = "\u2212"
+HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
 MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
@@ -36,9 +39,9 @@ def aspect_text(row: Any) -> str:
     if row.aspect == "column" or (row.aspect == "temperature" and isinstance(row.column, str)):
         return printable(row.column)
     if row.aspect == "lag difference":
-        return f"lag difference, {span_text(row.time_constant)} [{row.unit}]"
+        return f"lag difference, {span_text(row.time_constant)} [{unit_text(row.unit)}]"
     if row.aspect == "rate":
-        return f"rate [{row.unit}]"
+        return f"rate [{unit_text(row.unit)}]"
     if row.aspect == "hour":
         return f"hour of day{row.unit.removeprefix('h')}"
     return str(row.aspect)
@@ -78,6 +81,43 @@ def place_text(row: Any) -> str:
 def effect_text(effect: Any) -> str:
     """Kind and column of an effect, without its parameters: ``lagged covariate: humidity``."""
     return str(effect.kind).replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """A number as a person writes it: 0.1040, 6.199 times 10⁻⁵, a real minus."""
+    if not np.isfinite(value):
+        return "\u2013" if np.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+    if value != 0 and not 1e-3 <= abs(value) < 10 ** max(digits + 2, 6):
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa} \u00d7 10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", MINUS, 1)
+    shown = f"{value:#.{digits}g}".removesuffix(".") if abs(value) < 10**digits else f"{value:.0f}"
+    return shown.replace("-", MINUS) if value else "0"
+
+
+def parameters_text(effect: Any, start: float | None, degrees: str) -> str:
+    """Parameters that have a unit, in words; moments of a record that begins at `start` [s since 1970] as dates.
+
+    `degrees` (str): Unit of the temperature.
+    """
+    parts = []
+    units = {TEMPERATURE: degrees, TEMPERATURE_DIFFERENCE: difference_unit(degrees)}
+    for name, unit in (effect.info.parameters if effect.info is not None else {}).items():
+        value = getattr(effect, name)
+        several = value if isinstance(value, list | tuple | np.ndarray) else [value]
+        try:
+            numbers = [float(item) for item in several]
+        except (TypeError, ValueError):
+            continue
+        if not numbers:
+            continue
+        if unit == SINCE_START and start is not None:
+            shown = [str(pd.Timestamp(start + number, unit="s").round("s")) for number in numbers]
+        elif unit in ("s", SINCE_START):
+            shown = [span_text(number) for number in numbers]
+        else:
+            shown = [f"{plain(v, 3)} {unit_text(units.get(unit, unit))}" for v in numbers]
+        parts.append(f"{name.replace('_', ' ').removesuffix('s' if len(several) == 1 else '')} {', '.join(shown)}")
+    return "; ".join(parts)
 
 
 def probability_text(p: float) -> str:

@@ -16,7 +16,7 @@ from ..equations import reduction_db
 from ..records import Record, read_record
 from ..records.errors import printable
 from ..records.history import strided
-from ..records.numbers import Scale, number_text, numeric_reading, scale_of, span_text
+from ..records.numbers import Scale, number_text, numeric_reading, scale_of, span_text, unit_text
 from ..records.screen import screened
 from .averages import COARSE, Averages, averaged, averaged_columns
 from .out_of_sample import FEWEST_STRETCHES, FORECASTS, GAIN, LONGEST, PIECES, OutOfSample, geometric_mean, later_pieces
@@ -92,7 +92,7 @@ class Advice:
     def promise(self, scale: Scale) -> str:
         """The error of what is advised, its range, and how far ahead: for a sentence."""
         after, low, high, longest = (scale.number(v, 2) for v in (self.after, *self.range, self.longest))
-        unit = f" {scale.unit}" if scale.unit else ""
+        unit = f" {unit_text(scale.unit)}" if scale.unit else ""
         if not np.isfinite(self.range[0]):
             return f"{after}{unit} rms on the last readings; how it does further ahead is not known"
         spread = f" ({low} to {high})" if low != high else ""
@@ -144,7 +144,7 @@ class Advice:
         shown = self.table.rename(index={self.variant: f"{self.variant} *"})
         text = (scale.factor * shown).to_string(float_format=number_text)
         head = "Rms error on later stretches, each predicted from everything before"
-        return f"{head}{f' [{scale.unit}]' if scale.unit else ''}; * is advised:\n{text}"
+        return f"{head}{f' [{unit_text(scale.unit)}]' if scale.unit else ''}; * is advised:\n{text}"
 
     __repr__ = __str__
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import takewhile
 from numbers import Integral, Real
 from typing import Any
 
@@ -14,6 +15,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils._param_validation import Interval, StrOptions
 
+from ..effects import ThermalLag
 from ..effects.products import CoarseProducts
 from ..effects.stream import equal_edges
 from ..effects.wrap import EffectsParameters, as_effects
@@ -402,3 +404,13 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         tags.input_tags.allow_nan = True  # rows with NaN in the temperature are passed over
         tags.regressor_tags.poor_score = True  # of many columns it uses one, unless effects name others
         return tags
+
+
+def largest_lag(model: DynamicBiasRegressor) -> float | None:
+    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
+    if not len(model.time_constants_):
+        return None
+    before = takewhile(lambda effect: not isinstance(effect, ThermalLag), model.features_.effect_list())
+    start = sum(effect.n_columns() for effect in before)
+    mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
+    return float(model.time_constants_[int(mu.argmax())])

@@ -10,6 +10,7 @@ import pandas as pd
 
 from ..effects.protocol import Effect
 from ..records.errors import printable
+from ..records.numbers import unit_text
 from ..records.units import difference_unit
 from .reading import Reading
 
@@ -48,7 +49,7 @@ def _per(reading: Reading, unit: str) -> str:
 
 def equation_text(effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str) -> str:
     """The fitted formula as text: what adds to the reading, and what the names mean, with the means in it."""
-    unit = f" {printable(reading.unit)}" if reading.unit else ""
+    unit = f" {printable(unit_text(reading.unit))}" if reading.unit else ""
     lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
     terms = [printable(term) for effect in effects for term in effect.terms()]
     for value, term in zip(coefficients[1:], terms, strict=True):

@@ -12,7 +12,7 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from ..displays.words import effect_text
+from ..displays.words import effect_text, parameters_text
 from ..effects import (
     CATALOGUE,
     Covariate,
@@ -27,13 +27,11 @@ from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
 from ..estimators.averages import key_of
 from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
-from ..estimators.progress import one_blas_thread
+from ..estimators.progress import Progress, one_blas_thread, reporting
 from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.tables import Grounds, verdict_on
-from ..pages import PageData
-from ..pages.chapters import Scales, parameters_text
 from ..records import Record
-from ..records.numbers import as_data, is_frame
+from ..records.numbers import as_data
 from .data import (
     ThermalBase,
     as_fitted,
@@ -195,6 +193,7 @@ def diagnose(
     columns: Sequence[Any] | None = None,
     exclude: Collection[str] = (),
     suspects: Sequence[Any] = (),
+    progress: Progress = None,
 ) -> Diagnosis:
     """Find out whether a physical effect is missing in a fitted model, and which.
 
@@ -211,6 +210,8 @@ def diagnose(
     suspects : sequence
         Suspects of your own, besides the catalogue: effects, classes of effects (tried over what their `candidates`
         returns), or scikit-learn transformers as in the model's `effects`.
+    progress : callable or True, optional
+        Called with a line of text on what is being tried, and the best so far; True draws a bar (extra "progress").
 
     Returns
     -------
@@ -237,7 +238,7 @@ def diagnose(
     unknown = set(exclude) - set(CATALOGUE)
     if unknown:
         raise ValueError(f"The 'exclude' parameter names {sorted(unknown)}, which are no kinds: {sorted(CATALOGUE)}.")
-    with one_blas_thread():
+    with one_blas_thread(), reporting(progress) as say:
         X = as_data(X)
         seen, read = as_fitted(model, X), record_of(model, X, y, given_effects(suspects))
         base = ThermalBase.of(model, read)
@@ -250,7 +251,7 @@ def diagnose(
             for each in pool.explanations
             if each.in_model or key_of(each.effect) in asked or is_shown(pool, each.effect)
         ]
-        search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude])
+        search = Search(pool, [kind for kind in ANYWHERE if kind not in exclude], say)
         search.run()
         terms = search.terms()
         missing = [term for term in map(_not_silently, terms) if not term.tried.explanation.in_model]
@@ -307,11 +308,9 @@ def _conclude(
     ranked += [_other(tried, search) for tried in sorted(others.values(), key=lambda t: -t.score)][
         : max(RANKED - len(ranked), 0)
     ]
-    scales = Scales(search.pool.record.since_1970(), model.reading_.temperature_unit)
-    ranked = [replace(suspect, title=_title(suspect.effect, scales)) for suspect in ranked]
+    start, degrees = search.pool.record.since_1970(), model.reading_.temperature_unit
+    ranked = [replace(suspect, title=_title(suspect.effect, start, degrees)) for suspect in ranked]
     where, allan = where_it_fails(model, search.pool.record, residual, rms, floor)
-    beside = dict.fromkeys(ranked[0].effect.inputs() if ranked else ())
-    columns = seen.columns if is_frame(seen) else range(np.shape(seen)[1])
     return Diagnosis(
         verdict=verdict_on(grounds).word,
         noise_floor=floor,
@@ -328,7 +327,7 @@ def _conclude(
         later_rms=search.pool.out_of_sample.later_rms(),
         held_out_rms=search.pool.out_of_sample.held_out_rms,
         ahead=search.pool.out_of_sample,
-        gather=lambda: PageData.of(model, seen, y, beside=tuple(n for n in beside if n in columns)),
+        record=(model, seen, y),
     )
 
 
@@ -363,13 +362,13 @@ def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], .
     return tuple(zip(low, high, strict=True))
 
 
-def _title(effect: Effect, scales: Scales) -> str:
+def _title(effect: Effect, start: float | None, degrees: str) -> str:
     """An effect as in `Effect.title`, but a moment as a date where the record has dates, and a width with its unit."""
     parameters = {} if effect.info is None else effect.info.parameters
     said = [name for name, what in parameters.items() if what in (SINCE_START, TEMPERATURE_DIFFERENCE)]
     if not said or any(isinstance(getattr(effect, name), list | tuple) for name in said):
         return effect.title()
-    return f"{effect_text(effect)}: {parameters_text(effect, scales, str)}"
+    return f"{effect_text(effect)}: {parameters_text(effect, start, degrees)}"
 
 
 def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], pool: Pool, noise: float) -> FoundSuspect:

@@ -22,7 +22,7 @@ from ..estimators.regressor import DynamicBiasRegressor
 from ..estimators.thermometers import Thermometers
 from ..pages import RefinementPage
 from ..records.errors import check_bool, check_int, printable, said_once
-from ..records.numbers import number_text, scale_of
+from ..records.numbers import number_text, scale_of, unit_text
 from .diagnose import diagnose, out_of_sample
 from .report import WIDTH, Diagnosis, FoundSuspect
 from .terms import helps_evenly, passes_twice
@@ -55,7 +55,7 @@ class Refinement(RefinementPage):
     def __str__(self) -> str:
         errors = ["rms", "held_out_rms", "later_rms"]
         scale = scale_of(self.steps[errors], self.diagnoses[-1].unit)
-        heads = {name: f"{name.replace('_', ' ')} [{scale.unit}]" if scale.unit else name for name in errors}
+        heads = {name: f"{name.replace('_', ' ')} [{unit_text(scale.unit)}]" if scale.unit else name for name in errors}
         steps = self.steps.assign(**{name: scale.factor * self.steps[name] for name in errors}).drop(
             columns=["change", "low", "high"]
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from ..estimators.averages import rms
 from ..estimators.heteroscedasticity import BURST
 from ..estimators.out_of_sample import OutOfSample
 from ..estimators.tables import VERDICTS
-from ..pages import DiagnosisPage, PageData
+from ..pages import DiagnosisPage
 from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, scale_of
@@ -466,8 +466,8 @@ class Diagnosis(DiagnosisPage):
     """P-value of the whole family of suspects, below which one is named."""
     ahead: OutOfSample | None = field(default=None, compare=False)
     """The model's errors on data that it was not learned from, for `refine`; None in a pickled copy."""
-    gather: Callable[[], PageData] | None = field(default=None, compare=False)
-    """Gathers series, formula and coefficients of the model on the record; None in a pickled copy."""
+    record: tuple[Any, Any, Any] | None = field(default=None, compare=False)
+    """The model, X and y, for pictures; None in a pickled copy."""
 
     @property
     def causes(self) -> tuple[FoundSuspect, ...]:
@@ -507,16 +507,8 @@ class Diagnosis(DiagnosisPage):
         ]
         return pd.DataFrame(rows, columns=RANKING).astype({"column": object})
 
-    @property
-    def data(self) -> PageData | None:
-        """Data of a page on the model and its record, gathered on first use; None in a pickled copy."""
-        if "_data" not in self.__dict__:
-            self.__dict__["_data"] = None if self.gather is None else self.gather()
-        data: PageData | None = self.__dict__["_data"]
-        return data
-
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_data"} | {"gather": None, "ahead": None}
+        return self.__dict__ | {"record": None, "ahead": None}
 
     def __str__(self) -> str:
         residual, floor = quantity_texts((self.residual_rms, self.noise_floor), self.unit, 4)

@@ -9,7 +9,7 @@ probability, the whole family having been tried, is below `LEVEL`, given all oth
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -20,6 +20,7 @@ import pandas as pd
 from scipy.special import chdtrc
 from sklearn.base import clone
 
+from ..displays.words import effect_text
 from ..effects import Covariate, Delay, Interaction, LaggedCovariate, LaggedModulation, Periodic
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
@@ -149,13 +150,14 @@ class Family:
     that are looked for at every row, period or delay.
     """
 
-    def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str]):
+    def __init__(self, pool: Pool, judged: Comparison, anywhere: Collection[str], say: Callable[[str], None]):
         self.pool, self.judged, self.anywhere = pool, judged, anywhere
         self.tried: list[Explanation] = []
         """The explanations, those of the pool without their columns, see `Pool.with_columns`."""
         self.coarse: list[np.ndarray] = []
         """Columns of the explanations, as data not learned from are judged on."""
         for group in pool.groups():
+            say(f"trying {effect_text(group[0].effect)}")
             for i in self.add(group):
                 self.tried[i] = self.tried[i].forgotten()
         keys = [explanation.key for explanation in self.tried]
@@ -265,13 +267,16 @@ LATE_FORM = {Covariate.kind: LaggedCovariate.kind, Interaction.kind: LaggedModul
 class Search:
     """Finds the terms.
 
-    `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay.
+    `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay. `say`
+    (callable): Told what is being tried.
     """
 
-    def __init__(self, pool: Pool, anywhere: Collection[str] = ANYWHERE):
-        self.pool, self.record = pool, pool.record
+    def __init__(
+        self, pool: Pool, anywhere: Collection[str] = ANYWHERE, say: Callable[[str], None] = lambda text: None
+    ):
+        self.pool, self.record, self.say = pool, pool.record, say
         self.judged = pool.compared(pool.base)
-        self.family = Family(pool, self.judged, anywhere)
+        self.family = Family(pool, self.judged, anywhere, say)
         self.copies: dict[Key, Copies] = {}
         self.helpful: list[int] = []
         """Numbers of recorded columns that were taken in for their help on later data."""
@@ -333,6 +338,8 @@ class Search:
             self.family.judged = self.judged
             self.family.add_anywhere()
             self.last = self.look(self.judged)
+            if self.last:
+                self.say(f"best so far: {effect_text(self.last[0].explanation.effect)}")
             best = self._best()
             if best is None:
                 if settled or not self._settle():

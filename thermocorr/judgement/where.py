@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise, takewhile
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,10 @@ from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import allan_deviation
 from ..estimators.averages import Averages, averaged
-from ..estimators.regressor import DynamicBiasRegressor
+from ..estimators.regressor import DynamicBiasRegressor, largest_lag
 from ..records import Record
 from ..records.units import difference_unit
+from .data import record_of, residuals_of, suspect_record
 from .levels import PLACES, PLACES_BEYOND, STATES
 
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
@@ -53,14 +54,14 @@ def where_it_fails(
     return _places(record, data, squares, floor, aspects, values), _against_white(data, floor)
 
 
-def largest_lag(model: DynamicBiasRegressor) -> float | None:
-    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
-    if not len(model.time_constants_):
-        return None
-    before = takewhile(lambda effect: not isinstance(effect, ThermalLag), model.features_.effect_list())
-    start = sum(effect.n_columns() for effect in before)
-    mu = np.abs(model.coef_[start : start + len(model.time_constants_)])
-    return float(model.time_constants_[int(mu.argmax())])
+def first_look(model: DynamicBiasRegressor, X: Any, y: Any) -> pd.DataFrame:
+    """Where a fitted model fails, before it is judged: against noise as large as neighbouring residuals differ."""
+    read = record_of(model, X, y)
+    record = suspect_record(model, read, X, y, None)
+    residual, rms = residuals_of(model, read, record)
+    steps = np.diff(residual[np.isfinite(residual)])
+    noise = float(np.sqrt(np.mean(steps**2) / 2)) if len(steps) else rms
+    return where_it_fails(model, record, residual, rms, min(noise, rms))[0]
 
 
 def _places(

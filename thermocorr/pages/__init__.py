@@ -1,7 +1,6 @@
 """A diagnosis, a refinement or a fitted model as one self-contained HTML page, and in short for notebooks."""
 
 from .answer import Answer
-from .data import PageData
-from .document import DiagnosisPage, RefinementPage, page
+from .report import DiagnosisPage, RefinementPage, report_text, write_report
 
-__all__ = ["Answer", "DiagnosisPage", "PageData", "RefinementPage", "page"]
+__all__ = ["Answer", "DiagnosisPage", "RefinementPage", "report_text", "write_report"]

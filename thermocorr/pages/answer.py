@@ -15,7 +15,7 @@ from ..estimators.advice import REFINED, Advice, advise_refined
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
 from ..records.errors import printable
-from ..records.numbers import Scale, scale_of
+from ..records.numbers import Scale, scale_of, unit_text
 
 LINES, WIDTH = 16, 100
 """Lines of a printed answer, and characters of a line, at most."""
@@ -74,6 +74,8 @@ class Answer:
     """Variant that the user asked for, whatever is advised."""
     begun: str = ""
     """Variant that a refinement began with; by default that of the comparison."""
+    steps: Any = None
+    """Errors of the steps of a user, as `Story.errors` has them."""
     unjudged: str = ""
     """Why there is no diagnosis."""
     source: str = ""
@@ -207,7 +209,7 @@ class Answer:
         """The printed answer; what matters least is left out where there is no room."""
         parts = [
             (0, _wrapped(self.sentence())),
-            (0, self._errors()),
+            (0, self._bars()),
             (0, self._causes()),
             (3, _wrapped("" if self.last is None else small_sentence(self.last))),
             (1, _wrapped(self._verdict(), 3)),
@@ -239,11 +241,11 @@ class Answer:
             lines += more
         return lines
 
-    def _errors(self) -> list[str]:
-        """One figure for no correction, the best static, the best dynamic one and the refined one."""
-        advice, scale = self.advised, self.scale()
+    def errors(self) -> dict[str, float]:
+        """Error on later data of no correction, of the best static, the best dynamic and the refined one, by name."""
+        advice = self.advised
         if advice is None or advice.table.empty:
-            return []
+            return {}
         known = advice.table["all"]
         compared = self.comparison is not None and self.comparison.models[self.comparison.begun].reference is not None
         none = "offset alone" if compared else "no correction"
@@ -255,8 +257,15 @@ class Answer:
                 shown[best] = float(of_kind[best])
         if REFINED in known.index:
             shown[REFINED] = float(known[REFINED])
-        head = f"rms on later data{f' [{scale.unit}]' if scale.unit else ''}"
-        chosen = advice.variant or none
+        return shown
+
+    def _bars(self) -> list[str]:
+        """The errors as a table."""
+        advice, scale, shown = self.advised, self.scale(), self.errors()
+        if advice is None or not shown:
+            return []
+        head = f"rms on later data{f' [{unit_text(scale.unit)}]' if scale.unit else ''}"
+        chosen = advice.variant or next(iter(shown))
         names = [f"{name} *" if name == chosen else name for name in shown]
         mark = "* is asked for" if self.asked and not self.refined else "* is advised"
         return _columns([[head, *names], [mark, *(scale.number(v) for v in shown.values())]])

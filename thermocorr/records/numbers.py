@@ -280,9 +280,9 @@ class Scale(NamedTuple):
         return number_text(value * self.factor, digits)
 
     def text(self, value: float, digits: int = 3) -> str:
-        """The number in this unit, which follows it: ``0.97 mohm``."""
+        """The number and its unit with the signs of print: ``0.97 mΩ``."""
         number = self.number(value, digits)
-        return number if number == UNKNOWN else f"{number} {self.unit}".rstrip()
+        return number if number == UNKNOWN else f"{number} {unit_text(self.unit)}".rstrip()
 
 
 class Prefixed(NamedTuple):
@@ -305,12 +305,12 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def quantity_text(value: float, unit: str = "", digits: int = 3) -> str:
-    """A quantity with the prefix that suits its size, if its unit takes prefixes: ``0.97 mohm``, ``31 uV``.
+    """A quantity with the prefix that suits its size, if its unit takes prefixes: ``0.97 mΩ``, ``31 µV``.
 
     Examples
     --------
     >>> quantity_text(0.00097, "ohm"), quantity_text(3.1e-05, "V"), quantity_text(0.00097, "mV")
-    ('0.97 mohm', '31 uV', '0.97 uV')
+    ('0.97 mΩ', '31 µV', '0.97 µV')
     >>> quantity_text(0.00097, "ppm"), quantity_text(1013.25, "hPa"), quantity_text(4.2e-6, "mV/K")
     ('0.00097 ppm', '1013 hPa', '4.2 nV/K')
     """
@@ -323,7 +323,7 @@ def quantity_texts(values: Iterable[float], unit: str = "", digits: int = 3) -> 
     Examples
     --------
     >>> quantity_texts([0.0014, 0.00013], "mV"), quantity_texts([5.0001, 5.0002], "ppm")
-    (['1.4 uV', '0.13 uV'], ['5.0001 ppm', '5.0002 ppm'])
+    (['1.4 µV', '0.13 µV'], ['5.0001 ppm', '5.0002 ppm'])
     """
     given = [float(value) for value in values]
     return _told_apart(given, scale_of(given, unit), digits)
@@ -389,7 +389,7 @@ def span_text(seconds: float, digits: int = 3) -> str:
     Examples
     --------
     >>> span_text(900), span_text(55_800), span_text(0.0002), span_text(0)
-    ('15 min', '15.5 h', '200 us', '0 s')
+    ('15 min', '15.5 h', '200 µs', '0 s')
     """
     scale = _span_scale(seconds, digits)
     rounded_up = 0.99 < abs(seconds) * scale.factor < 1  # 59.97 s are 60.0 s, a minute

@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.special import betainccinv, betaincinv
 
 from ...records import Record
+from ...records.numbers import unit_text
 from .joint import ErrorWalk, JointErrors, Reference, Sensor
 
 
@@ -134,7 +135,7 @@ class Budget:
 
     def short(self) -> str:
         """Value and expanded uncertainty in its last digits: ``103.957 12(13) mV``."""
-        return f"{concise(self.value, self.U)} {self.unit}".strip()
+        return f"{concise(self.value, self.U)} {unit_text(self.unit)}".strip()
 
     def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
