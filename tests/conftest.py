@@ -5,9 +5,9 @@ import os
 from pathlib import Path
 
 import pytest
-from benches import bench_of_log
 from browser import chromium
 from examples import settings
+from stories import story_of_log
 
 from thermocorr.datasets import load_voltage_reference, make_record
 
@@ -78,7 +78,7 @@ def written(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def bench_log(tmp_path_factory):
+def story_log(tmp_path_factory):
     """A log in which the supply acts on the reading, for workbenches."""
     path = tmp_path_factory.mktemp("logs") / "log.csv"
     make_record(3000, effects={"covariate": 2.0}, seed=3).to_csv(path)
@@ -86,6 +86,6 @@ def bench_log(tmp_path_factory):
 
 
 @pytest.fixture
-def bench(bench_log, tmp_path):
+def story(story_log):
     """A workbench without a screen, everything found out."""
-    return bench_of_log(bench_log, tmp_path)
+    return story_of_log(story_log)

@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from thermocorr.interactive.browser.widget import bench_of
+from thermocorr.interactive.snapshots import snapshot
 
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
-from thermocorr.interactive.browser.widget import bench_of
-from thermocorr.interactive.snapshots import snapshot
 from thermocorr.pages import Answer, page
 from thermocorr.pages.answer import LINES, WIDTH
 

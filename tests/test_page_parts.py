@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from thermocorr.pages.chapters import Scales, digits_down_to, parameters_text
+from thermocorr.pages.charts import Extremes
 
 import thermocorr.pages
 from thermocorr import DynamicBiasRegressor
@@ -14,8 +16,6 @@ from thermocorr.datasets import make_record
 from thermocorr.displays.words import aspect_text, ends_text, interval_text, place_text
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
 from thermocorr.pages import Answer, PageData, document
-from thermocorr.pages.chapters import Scales, digits_down_to, parameters_text
-from thermocorr.pages.charts import Extremes
 from thermocorr.pages.html import number, plain, rendered, script_data, unit_text, units_of_axis, with_signs, with_unit
 from thermocorr.records.numbers import scale_of
 

@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from browser import complaints, numbers, opened, prefer, requests, resize, series
+from thermocorr.pages.chapters import variants
 
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.estimators.tables import VERDICTS
 from thermocorr.pages import Answer, PageData, page
-from thermocorr.pages.chapters import variants
 from thermocorr.pages.report import write_report
 
 SINGLE = 6e-8

@@ -12,10 +12,6 @@ from pathlib import Path
 
 import pytest
 from browser import chromium, complaints, requests
-
-from thermocorr import RecordError
-from thermocorr.command.cli import main
-from thermocorr.datasets import make_record
 from thermocorr.interactive.browser.desk import Desk
 from thermocorr.interactive.browser.static_page import (
     CORE,
@@ -28,6 +24,10 @@ from thermocorr.interactive.browser.static_page import (
     write_static,
 )
 from thermocorr.interactive.tiles import Store
+
+from thermocorr import RecordError
+from thermocorr.command.cli import main
+from thermocorr.datasets import make_record
 
 PYODIDE = os.environ.get("THERMOCORR_PYODIDE")
 """Folder of a Pyodide distribution."""

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from thermocorr.pages.chapters import variants
 
 from thermocorr import DynamicBiasRegressor, RecordWarning, compare_variants
 from thermocorr.datasets import make_record
 from thermocorr.equations import moving_average
-from thermocorr.pages.chapters import variants
 
 
 @pytest.fixture(scope="module")

@@ -104,7 +104,7 @@ def until(found, seconds=LONG):
 
 def settled(news):
     """The state when nothing more is found out."""
-    news.until(lambda s: s["judged"] and s["charts"] and s["history"][-1]["held_out"])
+    news.until(lambda s: s["judged"] and s["history"][-1]["held_out"])
     until(lambda: news.progress == "")
     return news.state
 

@@ -172,8 +172,8 @@ def _history(story: Story, found: Step | None) -> list[dict[str, Any]]:
         known = story.known(story.acts[:number])
         later = known.get("later", {}).get(moment)
         same = math.isfinite(shown.error) or later is None  # else it was learned from other readings
+        change = 20 * math.log10(later / first) if same and later and first else math.nan
         first = later if first is None and same else first
-        change = 20 * math.log10(later / first) if number > 1 and same and later and first else math.nan
         rows.append(
             {
                 "step": number,

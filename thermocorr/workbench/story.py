@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections import OrderedDict
@@ -209,7 +210,8 @@ class Story:
 
     def key(self, acts: Sequence[Act] | None = None) -> str:
         """The name of a step."""
-        return json.dumps(self.acts if acts is None else list(acts), sort_keys=True)
+        said = json.dumps(self.acts if acts is None else list(acts), sort_keys=True)
+        return hashlib.sha256(said.encode()).hexdigest()[:24]
 
     def known(self, acts: Sequence[Act] | None = None) -> dict[str, Any]:
         """Errors of a step, known after its model has gone: rms, held_out, later, moment, verdict.
@@ -241,10 +243,10 @@ class Story:
         for number, act in enumerate(self.acts):
             error = self.known(self.acts[: number + 1]).get("later", {}).get(moment, math.nan)
             compared = _left_out(self.acts[: number + 1]) == _left_out(self.acts)
-            name = act["text"]
-            if number == 0 and advice is not None and advice.variant and not self.settled:
+            name = f"+ {act['text']}" if number else "the model"
+            if number == 0 and advice is not None and advice.variant and act["begun"]:
                 name = f"{advice.variant} correction"
-            rows.append((name if number == 0 else f"+ {name}", error if compared else math.nan, number))
+            rows.append((name, error if compared else math.nan, number))
         return pd.DataFrame(rows, columns=["step", "error", "act"])
 
     # ----------------------------------------------------------------------------------------------------- what is done
@@ -252,8 +254,8 @@ class Story:
     def begin(self) -> None:
         """Fit what the log was opened with, and begin with the correction that is advised; `problem` says why not."""
         self.start()
-        if (found := self.now) is not None:
-            self._advise(found)
+        if self.now is not None:
+            self._advise()
 
     def start(self) -> None:
         """Fit what stands; where that cannot be, `problem` says why."""
@@ -280,6 +282,8 @@ class Story:
         `time_constants` may be typed: "6", "auto", "none", "60, 15min, 2h".
         """
         taus = chosen_lags(time_constants) if isinstance(time_constants, str) else time_constants
+        if not isinstance(taus, int | str) and not all(isinstance(tau, int | float | str) for tau in taus):
+            raise ValueError("Time constants are a number of them, or a list of spans, such as 60, 15min, 2h.")
         degree = _integer(degree, "The degree", 0, 9)
         if products not in (False, True, 2, 3):
             raise ValueError(f"Products are of two lags, or of two and three: False, 2 or 3. Got {products!r:.40}.")
@@ -457,8 +461,8 @@ class Story:
         found = self.now
         if found is None:
             return None
-        if len(self.acts) == 1 and found.key not in self.advice:
-            return "which correction to use", lambda: self._advise(found)
+        if self.key(self.acts[:1]) not in self.advice:
+            return "which correction to use", self._advise
         if found.where is None:
             return "looking where it fails", lambda: self._look(found)
         if found.diagnosis is None and not found.lacking:
@@ -467,24 +471,26 @@ class Story:
             return "uncertainty", lambda: self._doubt(found)
         return self._missing_error()
 
-    def _advise(self, found: Step) -> None:
-        """Advise a correction; where the user has chosen no settings, begin with it."""
-        variants = variants_of(self.unfitted(self.acts), max(self.base.degree, 2))
+    def _advise(self) -> None:
+        """Advise a correction; where the user has chosen no settings and gone no further, begin with it."""
+        first = self.acts[:1]
+        variants = variants_of(self.unfitted(first), max(self.base.degree, 2))
         advice: Advice | None = None
         try:
             with quiet():
+                found = self.fit(first)
                 fitted = {name: each.fit(found.X, found.learned) for name, each in variants.items()}
                 advice = advise(fitted, found.X, found.learned)
         except Exception:  # effects of the user's own raise whatever they like
-            self.advice[found.key] = None
+            self.advice[self.key(first)] = None
             return
-        if not self.settled and advice.variant:
+        if not self.settled and advice.variant and len(self.acts) == 1:
             chosen = variants[advice.variant].get_params(deep=False)
             begun = {"time_constants": chosen["time_constants"], "degree": chosen["degree"]}
             self.versions = [[{**act, "begun": begun} if act["do"] == "roles" else act for act in acts]
                              for acts in self.versions]  # fmt: skip
             self.fit()
-        self.advice[self.key()] = advice
+        self.advice[self.key(self.acts[:1])] = advice
 
     def _look(self, found: Step) -> None:
         """Where it fails, before it is known why."""

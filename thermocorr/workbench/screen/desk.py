@@ -88,6 +88,8 @@ class Desk:
         self.story, self.tell, self.chores = story, tell, chores
         self.opening = Opening()
         self.revision = 0
+        self.later: Callable[[Callable[[], Any]], Any] | None = None
+        """Calls something when the messages that have come are answered, where there is what does that."""
         self._shown: dict[str, Any] = {}
 
     def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
@@ -161,8 +163,15 @@ class Desk:
             self.show(again=what == "ready")
         self.tell({"kind": "done", "number": number, "content": known_json(answers[0] if answers else {})})
         if what in ("ready", "open", "remedy", "do"):
-            while self.chores and self.chore():
-                pass
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Find out what is not known yet: at once, or one thing at a time where messages may come in between."""
+        if self.later is not None:
+            self.later(lambda: self.chore() and self._go_on())
+            return
+        while self.chores and self.chore():
+            pass
 
     def _answer(self, what: str, given: Any) -> Any:
         if what in ("open", "remedy"):
@@ -184,7 +193,7 @@ class Desk:
 
     def _do(self, story: Story, given: dict[str, Any]) -> dict[str, Any]:
         """One of `DOES`, its arguments by their names."""
-        name = given.pop("do", None)
+        name, _ = given.pop("do", None), given.pop("revision", None)
         if name not in DOES:
             raise ValueError(f"{name!r:.40} cannot be done here.")
         if name == "judge":  # a chore does it

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+from functools import partial
 from typing import Any
 
 from ...estimators import DynamicBiasRegressor
@@ -52,6 +55,8 @@ def _widget_class() -> Any:
         def __init__(self, story: Story):
             super().__init__()
             self.desk = Desk(story, self.send)
+            with contextlib.suppress(RuntimeError):  # there is no kernel
+                self.desk.later = partial(asyncio.get_running_loop().call_later, 0.01)
             self.on_msg(lambda widget, content, buffers: self.desk.hear(content))
 
         @property
