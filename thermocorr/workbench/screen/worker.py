@@ -79,21 +79,19 @@ class ProcessDesk(Desk):
             self.pipe.send(message)
 
     def _listen(self) -> None:
-        while True:
-            try:
+        with contextlib.suppress(EOFError, OSError):  # the server has gone
+            while True:
                 message = self.pipe.recv()
-            except (EOFError, OSError):  # the server has gone
-                shutil.rmtree(self.folder, ignore_errors=True)
-                os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))  # nothing else ends it at once
-                return
-            if message is None:
-                self.work.interrupt()
-            elif message["what"] in LOOKS:
-                self.hear(message)
-            else:
-                self.messages.put(message)
-                if self._chore:
-                    self.work.interrupt(self._chore)
+                if message is None:
+                    self.work.interrupt()
+                elif message["what"] in LOOKS:
+                    self.hear(message)
+                else:
+                    self.messages.put(message)
+                    if self._chore:
+                        self.work.interrupt(self._chore)
+        shutil.rmtree(self.folder, ignore_errors=True)
+        os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))  # nothing else ends it at once
 
     def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
         """Do some work; False where the user has cancelled it. A chore makes way for a message, and comes again."""

@@ -66,7 +66,7 @@
       if (!found) return;
       this.found = found;
       this.place.append(this.chosen, this.pointer);
-      this.select(null);
+      this.select(this.selected ?? null);
       this.place.dataset.key = key;
       this.place.dataset.drawn = String(this.number);
     }
