@@ -1,11 +1,9 @@
-"""A headless Chromium for tests of pages, skipped where there is none; what a report page shows in it."""
+"""A headless Chromium for tests of pages, skipped where there is none; what a page shows in it."""
 
 import json
 import shutil
-import time
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 
 
@@ -53,16 +51,12 @@ def prefer(driver, scheme):
 
 
 def opened(driver, path, width=1100, scheme="light"):
-    """The driver with this page, its charts drawn."""
+    """The driver with this page."""
     prefer(driver, scheme)
     resize(driver, width, mobile=width < 600)
     driver.get_log("browser"), driver.get_log("performance")
     driver.get(path.as_uri())
-    for _ in range(200):
-        if driver.execute_script("return document.documentElement.dataset.ready"):
-            return driver
-        time.sleep(0.05)
-    raise AssertionError(f"the page did not draw: {complaints(driver)}")
+    return driver
 
 
 def numbers(driver, selector):
@@ -72,11 +66,3 @@ def numbers(driver, selector):
         ".map(r => [...r.querySelectorAll('data.n')].map(d => Number(d.value)))",
         selector,
     )
-
-
-def series(driver, panel, line):
-    """x and y of a line of the time series, as drawn."""
-    x, y = driver.execute_script(
-        "const c = thermocorr.charts.series; return [[...c.x], c.panels[arguments[0]].data[arguments[1]]]", panel, line
-    )
-    return np.array(x), np.array(y, float)

@@ -6,15 +6,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from thermocorr.interactive.browser.widget import bench_of
-from thermocorr.interactive.snapshots import snapshot
 
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
-from thermocorr.pages import Answer, page
+from thermocorr.pages import Answer, report_text
 from thermocorr.pages.answer import LINES, WIDTH
+from thermocorr.workbench import Story
+from thermocorr.workbench.state import state_of
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from real_records import every
@@ -110,11 +110,12 @@ def test_terminal_json_page_and_workbench_name_the_same_causes_in_the_same_order
         assert fits(str(answer)), name
         for row, title in zip(rows, titles, strict=True):
             assert title.startswith(row.split("   ")[0].removesuffix("...").strip()), name
-        bench = bench_of(model, X[:n], y[:n])
-        bench.fit().diagnosis = found
-        shown = [one for one in snapshot(bench)["judged"]["suspects"] if one["cause"]]
-        assert [one["label"] for one in shown] == [cause.label for cause in found.causes], name
-        text = page(found.data, answer).replace("&#39;", "'").replace("&gt;", ">")
+        story = Story.of(model, X[:n], y[:n])
+        story.fit().diagnosis = found
+        shown = [one for one in state_of(story)["judged"]["suspects"] if one["cause"]]
+        labels = [one["label"].split(", ")[0] for one in shown]
+        assert labels == [cause.label for cause in found.causes], name
+        text = report_text(*found.record, answer).replace("&#39;", "'").replace("&gt;", ">")
         order = re.search(r'<table class="suspects">.*?</table>', text, re.S)[0]
         places = [order.index(f"<strong>{cause.label}</strong>") for cause in dict.fromkeys(found.causes)]
         assert places == sorted(places), name

@@ -217,8 +217,8 @@ def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
     found = diagnose(model, X, y)
     assert isinstance(found.best, Hysteresis)
     rows = {row.aspect: row for row in each_row(found.where)}
-    assert aspect_text(rows["rate"]) == "rate [degF/h]"
-    assert aspect_text(rows["lag difference"]) == "lag difference, 10 min [degF]"
+    assert aspect_text(rows["rate"]) == "rate [\u00b0F/h]"
+    assert aspect_text(rows["lag difference"]) == "lag difference, 10 min [\u00b0F]"
     told = model.with_effect(found.best).fit(X, y)
     html = found.to_html()
     cells = re.findall(r"<(?:td|p)>(.*?)</(?:td|p)>", html, flags=re.S)
@@ -231,9 +231,9 @@ def test_differences_of_temperatures_in_degf_are_said_in_degf(tmp_path):
 
 def test_a_pickled_diagnosis_is_small():
     found = diagnose(*hidden({"hysteresis": 2.0}, 62))
-    assert found.data is not None
+    assert found.record is not None
     content = pickle.dumps(found)
     copy = pickle.loads(content)
     assert len(content) < 100_000 and str(copy) == str(found)
-    with pytest.raises(ValueError, match="holds no data"):
+    with pytest.raises(ValueError, match="holds no record"):
         copy.to_html()

@@ -5,7 +5,7 @@ Also: Displays of every kind of record, small ones too: labels with units, no wa
 
 import builtins
 import inspect
-import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -15,9 +15,10 @@ from sklearn.exceptions import NotFittedError
 from thermocorr import DynamicBiasRegressor, TimeConstantSearch, compare_variants, diagnose, displays, read_log, refine
 from thermocorr.datasets import make_record
 from thermocorr.displays import (
+    AgainstDisplay,
     AllanDisplay,
     ContributionsDisplay,
-    RefinementDisplay,
+    ErrorsDisplay,
     ResidualsDisplay,
     SpectrumDisplay,
     StepResponseDisplay,
@@ -25,7 +26,7 @@ from thermocorr.displays import (
     VariantsDisplay,
     WhereDisplay,
 )
-from thermocorr.displays.axes import label_log_values, label_values, pyplot
+from thermocorr.displays.axes import label_values, pyplot
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
 from thermocorr.records.numbers import scale_of
@@ -54,11 +55,11 @@ def refined(fitted):
 
 
 def test_residuals_are_those_of_the_model(fitted):
-    """6000 rows fall into 2000 cells: means and extremes of pandas over the same cells."""
+    """6000 rows fall into 1000 cells: means and extremes of pandas over the same cells."""
     model, X, y = fitted
     frame = ResidualsDisplay.from_estimator(model, X, y).frame()
     residual = model.residuals(X, y)
-    assert len(frame) == 2000
+    assert len(frame) == 1000
     assert frame["n"].sum() == N
     np.testing.assert_allclose(np.sum(frame["n"] * frame["residual"]), residual.sum(), atol=1e-9)
     cell = np.repeat(np.arange(len(frame)), frame["n"])
@@ -77,7 +78,7 @@ def test_a_single_spike_survives_in_frame_and_picture(fitted):
     display = ResidualsDisplay.from_estimator(model, X, spiked).plot()
     high = display.frame()["residual_high"]
     assert high.max() == model.residuals(X, spiked).max()
-    assert display.axes_[1].get_ylim()[1] > 20
+    assert display.axes_[1, 0].get_ylim()[1] > 20
     assert high.sort_values().iloc[-2] < 5
 
 
@@ -93,8 +94,8 @@ def test_failing_stretches_are_those_of_the_diagnosis(fitted, found):
     assert len(worst)
     assert inside.sum() == pytest.approx(worst["n"].sum(), rel=0.03)  # ends are middles of short averages
     assert display.noise_floor == found.noise_floor
-    labels = [text.get_text() for text in display.plot().axes_[0].get_legend().get_texts()]
-    assert labels == ["measured", "modelled", "corrected", "fails most"]
+    labels = [text.get_text() for text in display.plot().axes_[0, 0].get_legend().get_texts()]
+    assert labels == ["measured", "corrected", "model", "fails most"]
 
 
 def test_allan_display_is_the_allan_deviation(fitted):
@@ -166,7 +167,9 @@ def test_contributions_are_those_of_the_model(fitted):
         frame = display.frame()
         assert np.sum(frame["n"] * frame[name]) == pytest.approx(parts[name].sum(), abs=1e-6)
     assert display.rms.is_monotonic_decreasing
-    assert len(display.plot().axes_) == parts.shape[1]
+    assert display.plot().axes_.shape == (parts.shape[1], 2)
+    response = StepResponseDisplay.from_estimator(model).frame()["response"]  # effects that follow, added up
+    np.testing.assert_allclose(display.responses.drop(columns="time").sum(axis=1), response, atol=1e-12)
 
 
 def test_spectrum_of_a_search_and_of_a_model(fitted):
@@ -207,30 +210,60 @@ def test_where_and_suspects_show_the_diagnosis(fitted, found):
     assert suspects.frame()["label"].iloc[0] == "hysteresis"
     assert suspects.frame()["gain_db"].tolist() == found.ranking["gain_db"].tolist()
     suspects.plot()
-    assert suspects.ax_.get_title(loc="left") == "Verdict: missing - hysteresis"
+    assert suspects.ax_.get_title(loc="left") == "Verdict: missing: hysteresis"
     assert "[dB]" in suspects.ax_.get_xlabel()
     figure = found.plot(X)
     figure.canvas.draw()
 
 
 def test_an_effect_is_added_whatever_it_is_called(refined):
-    steps = pd.concat([refined.steps.iloc[:1]] * 4, ignore_index=True)
-    steps["effect"] = ["", "without load", "without drift", "parameters tuned together"]
-    steps["change"] = ["given", "added", "removed", "tuned"]
-    display = RefinementDisplay(steps, 0.1, "ppm", "missing").plot()
-    shown = [label.get_text().replace("\n", " ") for label in display.ax_.get_xticklabels()]
-    assert shown == ["given model", "+ without load", "without drift", "parameters tuned together"]
+    steps = pd.concat([refined.steps.iloc[:1]] * 2, ignore_index=True)
+    steps["effect"], steps["change"] = ["", "without load"], ["given", "added"]
+    display = ErrorsDisplay.from_refinement(replace(refined, steps=steps)).plot()
+    shown = [label.get_text() for label in display.ax_.get_yticklabels()]
+    assert shown == ["given model", "+ without load"]
 
 
-def test_the_refinement_falls_to_the_noise_floor(refined):
-    display = RefinementDisplay.from_refinement(refined).plot()
-    frame = display.frame()
-    pd.testing.assert_frame_equal(frame.drop(columns="noise_floor"), refined.steps)
-    assert (frame["noise_floor"] == refined.diagnoses[-1].noise_floor).all()
-    names = [tick.get_text().replace("\n", " ") for tick in display.ax_.get_xticklabels()]
+def test_the_errors_of_a_refinement_and_of_a_comparison_stand_on_one_scale(refined, fitted):
+    display = ErrorsDisplay.from_refinement(refined).plot()
+    assert display.frame()["error"].tolist() == refined.steps["later_rms"].tolist()
+    assert display.noise_floor == refined.diagnoses[-1].noise_floor
+    names = [tick.get_text() for tick in display.ax_.get_yticklabels()]
     assert names[0] == "given model" and names[1].startswith("+ hysteresis")
-    assert display.ax_.get_ylabel() == "rms error [ppm]"
     refined.plot().canvas.draw()
+    _, X, y = fitted
+    comparison = compare_variants(X, y, temperature="temperature", time_constants=["5 min", "90 min"], n_blocks=2)
+    frame = ErrorsDisplay.from_comparison(comparison).frame()
+    assert frame["correction"].iloc[0] == "no correction"
+    assert frame["error"].iloc[0] == comparison.advice.before
+    assert dict(frame.to_numpy()[1:].tolist()) == comparison.advice.table["all"].iloc[3:].to_dict()
+
+
+def test_what_is_left_over_a_condition_is_the_mean_of_its_rows(fitted):
+    model, X, y = fitted
+    residual = model.residuals(X, y)
+    for against in (None, "humidity", "rate", "lag difference", "hour", "thermal lag"):
+        display = AgainstDisplay.from_estimator(model, X, y, against).plot()
+        frame = display.frame()
+        assert frame["n"].sum() == len(X)
+        assert np.sum(frame["n"] * frame["mean"]) == pytest.approx(residual.sum(), abs=1e-9)
+    humidity = AgainstDisplay.from_estimator(model, X, y, "humidity").frame()
+    edges = np.linspace(X["humidity"].min(), X["humidity"].max(), 61)
+    number = np.clip(np.searchsorted(edges, X["humidity"], side="right") - 1, 0, 59)
+    np.testing.assert_allclose(humidity["mean"], residual.groupby(number).mean(), atol=1e-9)
+    lag = AgainstDisplay.from_estimator(model, X, y, "lag difference")
+    assert lag.against.startswith("lag difference, ")
+
+
+def test_a_ghost_is_the_mean_of_what_another_model_leaves(fitted, found):
+    model, X, y = fitted
+    better = model.with_effect(found.best).fit(X, y)
+    display = ResidualsDisplay.from_estimator(better, X, y, columns=["humidity"], others={"before": model}).plot()
+    labels = [text.get_text() for text in display.axes_[1, 0].get_legend().get_texts()]
+    assert labels == ["measured less model", "before", "its mean"]
+    drawn = display.others["before"]
+    assert np.sum(drawn["n"] * drawn["residual"]) == pytest.approx(model.residuals(X, y).sum(), abs=1e-9)
+    assert display.axes_.shape == (3, 1) and display.axes_[2, 0].get_ylabel() == "humidity [%]"
 
 
 def test_variants_are_those_of_the_comparison(fitted):
@@ -265,7 +298,7 @@ def test_logs_on_disk_give_the_same_numbers(fitted, kind, tmp_path):
     display = ResidualsDisplay.from_estimator(same, log, reading)
     np.testing.assert_allclose(display.frame()["residual_high"], expected["residual_high"], atol=1e-8)
     AllanDisplay.from_estimator(same, log, reading)
-    assert display.plot().axes_[1].get_xlabel() == ("time" if kind == "frames" else "time [d]")
+    assert display.plot().axes_[1, 0].get_xlabel() == ("time" if kind == "frames" else "time [d]")
 
 
 def test_one_axes_is_divided_and_several_are_taken(fitted):
@@ -277,7 +310,7 @@ def test_one_axes_is_divided_and_several_are_taken(fitted):
     display.plot(axes[0])
     assert display.figure_ is figure and len(figure.axes) == 3
     two = plt.subplots(2)[1]
-    assert display.plot(two).axes_.tolist() == two.tolist()
+    assert display.plot(two).axes_[:, 0].tolist() == two.tolist()
     with pytest.raises(ValueError, match="one Axes or 2"):
         display.plot(plt.subplots(3)[1])
 
@@ -314,11 +347,11 @@ def test_a_band_of_uncertainty_holds_the_residuals():
     display = ResidualsDisplay.from_estimator(model, X, y, uncertainty=True).plot()
     display.figure_.canvas.draw()
     u = model.predict(X, return_std=True)[1]
-    assert display.frame()["u_low"].min() == pytest.approx(u.min(), rel=1e-12)
-    assert display.frame()["u"].mean() == pytest.approx(u.mean(), rel=1e-3)
-    labels = [text.get_text() for text in display.axes_[1].get_legend().get_texts()]
+    half = 0.5 * (display.frame()["high"] - display.frame()["low"])
+    assert half.mean() == pytest.approx(1.96 * u.mean(), rel=1e-3)
+    labels = [text.get_text() for text in display.axes_[0, 0].get_legend().get_texts()]
     assert "95 % of readings" in labels
-    assert "u" not in ResidualsDisplay.from_estimator(model, X, y).frame()
+    assert ResidualsDisplay.from_estimator(model, X, y).frame()["low"].isna().all()
 
 
 pytestmark = pytest.mark.usefixtures("drawing")
@@ -419,14 +452,14 @@ def test_smoothing_does_not_reach_over_the_joint_of_two_runs():
 
 @pytest.mark.parametrize(
     ("unit", "size", "label"),
-    [("mV", 2e-4, "x [µV]"), ("mV", 2.0, "x [mV]"), ("ohm", 3e5, "x [kΩ]"), ("ppm", 2e-4, "x [$10^{-4}$ ppm]")],
+    [("mV", 2e-4, "x [µV]"), ("mV", 2.0, "x [mV]"), ("ohm", 3e5, "x [kΩ]"), ("ppm", 2e-4, "x [10⁻⁴ ppm]")],
 )
 def test_an_axis_has_the_unit_that_suits_it_and_its_ticks_say_the_numbers(unit, size, label):
     figure, (even, log) = pyplot().subplots(2)
     even.plot([0.0, size])
     label_values(even.yaxis, "x", unit)
     log.semilogy([size / 150, size])
-    label_log_values(log.yaxis, "x", unit)
+    label_values(log.yaxis, "x", unit)
     figure.canvas.draw()
     assert even.get_ylabel() == label
     factor = scale_of([size], unit).factor if unit != "ppm" else 1e4
@@ -434,7 +467,10 @@ def test_an_axis_has_the_unit_that_suits_it_and_its_ticks_say_the_numbers(unit, 
     ticks = [(float(text), value) for text, value in zip(texts, even.get_yticks(), strict=True)]
     for shown, value in ticks:
         assert shown == pytest.approx(factor * value, abs=1e-6 * factor * size)
-    decades = [re.fullmatch(r"\$\\mathdefault\{10\^\{(.+)\}\}\$", t.get_text()) for t in log.get_yticklabels()]
-    found = [(int(d[1]), y) for d, y in zip(decades, log.get_yticks(), strict=True) if d]
-    scaled = factor if unit != "ppm" else 1.0
-    assert found and all(10.0**power == pytest.approx(scaled * y) for power, y in found)
+    scaled, raised = (factor if unit != "ppm" else 1.0), str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+    for text, y in zip(log.get_yticklabels(), log.get_yticks(), strict=True):
+        said = text.get_text()
+        if said:
+            power = re.fullmatch("10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", said)
+            value = 10.0 ** int(power[1].translate(raised)) if power else float(said)
+            assert value == pytest.approx(scaled * y)

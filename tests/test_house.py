@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 BESIDE = sorted(path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py"))
 FLOORS = {
     "equations": 0, "records": 1, "readers": 1, "datasets": 1, "effects": 2, "estimators": 3, "files": 4, "displays": 4,
-    "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "interactive": 7,
+    "firmware": 5, "pages": 5, "live": 5, "judgement": 6, "workbench": 7,
     "command": 8,
 }  # fmt: skip
 TOP = "thermocorr"
@@ -103,7 +103,7 @@ def test_no_floor_imports_a_higher_one(path):
         assert floor <= FLOORS[own], f"{path}:{line}: {own} (floor {FLOORS[own]}) imports {name}"
 
 
-EXTRAS = {"thermocorr.interactive.browser.server": "uvicorn", "thermocorr.interactive.browser.guard": "starlette"}
+EXTRAS = {"thermocorr.workbench.screen.server": "uvicorn", "thermocorr.workbench.screen.guard": "starlette"}
 """Modules that cannot be imported without an extra; whoever wants them says so."""
 
 

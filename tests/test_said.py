@@ -20,7 +20,6 @@ from thermocorr import (
 )
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.pages.html import with_signs
 
 ROWS = 1500
 
@@ -255,9 +254,9 @@ def test_the_refined_model_is_the_first_thing_that_terminal_page_and_json_say(ca
         "Use the refined correction, dynamic linear with lagged covariate: humidity, static polynomial: it leaves 59 nV"
     )
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)[0] == with_signs(first)
-    anything, cure = (re.search(rf'<section id="{name}">.*?</section>', page, re.S)[0] for name in ("anything", "cure"))
-    assert re.findall('data-verdict="(.*?)"', anything) == ["nothing missing"] and "Add the effect" not in cure
+    assert re.findall(r'<p class="lead">(.*?)</p>', page, flags=re.S)[0] == first
+    what, cure = (re.search(rf'<section id="{name}">.*?</section>', page, re.S)[0] for name in ("what", "cure"))
+    assert re.findall('data-verdict="(.*?)"', what) == ["nothing missing"] and "Add the effect" not in cure
     assert main([*command, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["choice"] == "refined" and answer["verdict"] == "nothing missing" and answer["small"] == 0

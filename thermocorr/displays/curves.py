@@ -167,7 +167,7 @@ def cells_of(
     names : sequence of str
         Names of the values.
     n_rows : int
-        Rows that will come. Up to 4 for each cell, each row is a cell of its own.
+        Rows that will come. Up to 2 for each cell, each row is a cell of its own.
     parts : iterable of (segment, seconds, values)
         Times [s], shape (n,), and values, shape (n, k); NaN for missing ones.
     span : (float, float), optional
@@ -180,10 +180,10 @@ def cells_of(
     """
     first, last = (0.0, timeline.span) if span is None else span
     width = max(last - first, 1e-300) / N_CELLS
-    found = [_cells(*part, timeline, first, width, n_rows <= 4 * N_CELLS) for part in parts]
+    found = [_cells(*part, timeline, first, width, n_rows <= 2 * N_CELLS) for part in parts]
     segment, number, n, seconds, known, total, low, high = map(np.concatenate, zip(*found, strict=True))
     starts = np.flatnonzero((np.diff(segment, prepend=-1) != 0) | (np.diff(number, prepend=-1) != 0))
-    if n_rows <= 4 * N_CELLS:
+    if n_rows <= 2 * N_CELLS:
         starts = np.arange(len(segment))
     n, seconds, known, total = (np.add.reduceat(column, starts) for column in (n, seconds, known, total))
     low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)

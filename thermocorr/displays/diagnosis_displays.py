@@ -306,7 +306,7 @@ class VariantsDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers drawn, smoothed: one row per cell of time; every row of the record up to 4000 rows.
+        """The numbers drawn, smoothed: one row per cell of time; every row of the record up to 2000 rows.
 
         Columns time, segment, seconds, n; "before correction" (less its mean), the corrected reading of each variant
         (less U0) and the temperature, each with its extremes ``_low`` and ``_high`` in the cell.

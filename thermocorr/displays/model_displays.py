@@ -88,7 +88,7 @@ class ContributionsDisplay(Display):
     def frame(self) -> pd.DataFrame:
         """The numbers drawn: time, segment, seconds, n, and of each effect its mean, ``_low`` and ``_high``.
 
-        One row per cell of time; every row of the record up to 4000 rows.
+        One row per cell of time; every row of the record up to 2000 rows.
         """
         return self.cells.copy()
 

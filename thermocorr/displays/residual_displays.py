@@ -31,7 +31,7 @@ COLOURS_BELOW = (PURPLE, GREEN, ORANGE, SKY)
 class ResidualsDisplay(Display):
     """Readings as dots and the model as a line on them; below, what the model leaves, and recorded columns.
 
-    Make it with `from_estimator`. Of more than 4000 rows, each of 1000 cells of time has a stroke from its lowest to
+    Make it with `from_estimator`. Of more than 2000 rows, each of 1000 cells of time has a stroke from its lowest to
     its highest value, so that no spike is hidden. The dark line in the residual is its mean over short stretches.
 
     Attributes
@@ -102,7 +102,8 @@ class ResidualsDisplay(Display):
         `span` (pair of float): Between two places on the axis [s]. `learned` (array of bool): The rows that the model
         was learned from; others are drawn grey. `levels` (bool): False draws readings less the level of their run.
         """
-        names = ["measured", "modelled", "residual", "corrected", "left out", "low", "high", *map(str, columns)]
+        names = ["measured", "modelled", "residual", "corrected", "left out", "low", "high"]
+        names += [f"column {name}" for name in columns]
 
         def values(part: Part) -> np.ndarray:
             level = 0.0 if levels else curves.level(part)
@@ -131,10 +132,10 @@ class ResidualsDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers drawn: one row per cell of time, every row of the record up to 4000 rows.
+        """The numbers drawn: one row per cell of time, every row of the record up to 2000 rows.
 
         Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
-        measured, modelled, residual, corrected, left out, low and high (of the band) and the recorded columns its mean
+        measured, modelled, residual, corrected, left out, low and high (of the band), and ``column <name>``, its mean
         and its extremes ``_low`` and ``_high``.
         """
         return self.cells.copy()
@@ -169,7 +170,7 @@ class ResidualsDisplay(Display):
                 label = "twice the noise floor" if sign > 0 else None
                 bottom.axhline(sign * self.noise_floor, color=BLUE, lw=1.0, ls="--", zorder=4, label=label)
         for ax, (name, unit), colour in zip(below, self.columns, COLOURS_BELOW * 9, strict=False):
-            draw_panel(ax, cells, line, name, colour)
+            draw_panel(ax, cells, line, f"column {name}", colour)
             label_values(ax.yaxis, printable(name), unit)
         for number, (low, high) in enumerate(self.failing):
             for ax in axes[:, 0]:

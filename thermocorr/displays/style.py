@@ -56,7 +56,6 @@ STYLE = {
     "grid.color": GRID,
     "grid.linewidth": 0.7,
     "svg.fonttype": "none",
-    "svg.hashsalt": "thermocorr",
 }
 """Style of matplotlib for every picture."""
 
@@ -85,8 +84,12 @@ def svg_of(figure: Any, label: str) -> str:
     text = re.sub(r' style="([^"]*)"', lambda found: _attributes(found[1]), text)
     text = re.sub(r' d="([^"]*)"', lambda found: f' d="{_short(found[1])}"', text)
     text = re.sub(r">\s+<", "><", text)
-    unique = hashlib.sha256(text.encode()).hexdigest()[:8]
-    text = re.sub(r'((?:\bid="|href="#|url\(#))', rf"\g<1>{unique}-", text)
+    used = {name: str(k) for k, name in enumerate(dict.fromkeys(re.findall(r'(?:href="|url\()#([^")]+)', text)))}
+    text = re.sub(r' id="([^"]+)"', lambda found: f' id="#{used[found[1]]}"' if found[1] in used else "", text)
+    text = re.sub(r'(href="|url\()#([^")]+)', lambda found: f"{found[1]}#{used[found[2]]}", text)
+    unique = hashlib.sha256(text.encode()).hexdigest()[:8]  # two pictures of one page have no name in common
+    text = text.replace(' id="#', f' id="{unique}-').replace('href="#', f'href="#{unique}-')
+    text = text.replace("url(#", f"url(#{unique}-")
     size = re.search(r'viewBox="[^"]*"', text)
     assert size is not None
     head = f'<svg class="picture" role="img" aria-label="{label}" {size[0]} xmlns="http://www.w3.org/2000/svg" '
@@ -109,5 +112,7 @@ def _attributes(style: str) -> str:
 
 
 def _short(path: str) -> str:
-    """A path with one decimal."""
-    return re.sub(r"-?\d+\.\d+", lambda found: f"{float(found[0]):.1f}".removesuffix(".0"), path).strip()
+    """A path with one decimal, and upright strokes by their end."""
+    path = re.sub(r"-?\d+\.\d+", lambda found: f"{float(found[0]):.1f}".removesuffix(".0"), path)
+    path = re.sub(r"M (\S+) (\S+)\s+L \1 (\S+)(?=\s+M|\s*$)", r"M\1 \2V\3", path)
+    return re.sub(r"\s+", " ", path).strip()

@@ -1,11 +1,11 @@
-"""What is taken away: the script that comes to the same model, the model, corrected readings, the report."""
+"""What is taken away of a `Story`: the script, the model, corrected readings, the report."""
 
 from __future__ import annotations
 
 import inspect
 import io
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ..effects.wrap import as_effects
 from ..files.model_file import content_of
@@ -13,9 +13,6 @@ from ..files.result_files import write_csv
 from ..pages import Answer, report_text
 from ..records.errors import printable
 from .log import quiet
-
-if TYPE_CHECKING:
-    from .story import Step, Story
 
 _END = """# What is missing, and how large the error is: in sample, on blocks held out, and on later data.
 diagnosis = diagnose(model, X, learned)
@@ -36,10 +33,10 @@ class Kind(NamedTuple):
     """Of the file."""
     media: str
     title: str
-    make: Callable[[Story, Step], str | bytes]
+    make: Callable[[Any, Any], str | bytes]
 
 
-def exported(story: Story, kind: str) -> bytes:
+def exported(story: Any, kind: str) -> bytes:
     """One of `KINDS`; ValueError for a kind that there is not, and where there is no model yet."""
     if kind not in KINDS:
         raise ValueError(f"{kind!r} cannot be taken away. There are: {', '.join(KINDS)}.")
@@ -51,7 +48,7 @@ def exported(story: Story, kind: str) -> bytes:
     return made.encode() if isinstance(made, str) else made
 
 
-def script(story: Story) -> str:
+def script(story: Any) -> str:
     """Python code that reads the log and comes to the same model."""
     found = story.fit()
     effects = [effect for _, effect in as_effects(found.model.effects)]
@@ -81,7 +78,7 @@ def script(story: Story) -> str:
     )
 
 
-def _imports(story: Story, effects: list[Any]) -> list[str]:
+def _imports(story: Any, effects: list[Any]) -> list[str]:
     names: dict[str, set[str]] = {}
     own = {type(effect).__name__ for effect in effects if not type(effect).__module__.startswith("thermocorr.")}
     for effect in effects:
@@ -105,7 +102,7 @@ def _imports(story: Story, effects: list[Any]) -> list[str]:
     return [*lines, "", 'warnings.simplefilter("ignore", RecordWarning)  # what the workbench has said']
 
 
-def _model(found: Step, effects: list[Any]) -> list[str]:
+def _model(found: Any, effects: list[Any]) -> list[str]:
     lines = ["learned = y.astype(float)"]
     lines += [f"learned.iloc[{start}:{stop}] = np.nan  # left out" for start, stop in found.left_out]
     given, usual = found.model.get_params(deep=False), _usual(type(found.model))
@@ -130,7 +127,7 @@ def _usual(cls: type) -> dict[str, Any]:
     return {name: parameter.default for name, parameter in inspect.signature(cls).parameters.items()}
 
 
-def _corrected(story: Story, found: Step) -> bytes:
+def _corrected(story: Any, found: Any) -> bytes:
     evaluated = found.model.evaluate(found.X, found.y, return_std=True)
     written, _ = story.log.timed(None if story.roles is None else story.roles["time"])
     file = io.BytesIO()
@@ -138,7 +135,7 @@ def _corrected(story: Story, found: Step) -> bytes:
     return file.getvalue()
 
 
-def _report(story: Story, found: Step) -> str:
+def _report(story: Any, found: Any) -> str:
     unjudged = found.lacking or ("" if found.diagnosis is not None else "Not judged yet.")
     answer = Answer(
         diagnosis=found.diagnosis,
