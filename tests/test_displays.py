@@ -5,6 +5,7 @@ Also: Displays of every kind of record, small ones too: labels with units, no wa
 
 import builtins
 import inspect
+import re
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Make the README's picture: what static and dynamic corrections leave of the built-in voltage reference.
+"""Make the README's picture: the error of the built-in voltage reference before and after its corrections.
 
 pip install . matplotlib && python docs/making/readme_picture.py docs/voltage_reference.png
 """
@@ -12,6 +12,8 @@ import matplotlib.pyplot as plt
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import load_voltage_reference
+from thermocorr.displays.axes import legend_above
+from thermocorr.displays.style import BLUE, ORANGE, PURPLE, STYLE, VERMILION
 from thermocorr.equations import moving_average
 
 
@@ -23,18 +25,25 @@ def main(path: str) -> None:
     dynamic = DynamicBiasRegressor(time_constants=6, degree=2).fit(X, y)
     days = (record.index - record.index[0]).total_seconds().to_numpy() / 86400
     shown = (days >= 7) & (days < 10)
-    figure, (top, bottom) = plt.subplots(2, 1, sharex=True, figsize=(8, 4.6), layout="constrained")
-    top.plot(days[shown], X["temperature"][shown], color="tab:red", lw=0.8)
-    top.set_ylabel("room [degC]")
-    corrections = ((static, "static correction", "tab:orange"), (dynamic, "dynamic correction", "tab:blue"))
-    for model, label, colour in corrections:
-        rest = 1e6 * moving_average(model.residuals(X, y).to_numpy(), 25)
-        bottom.plot(days[shown], rest[shown], lw=0.8, color=colour, label=label)
-    bottom.set_ylabel("error left [nV]")
-    bottom.set_xlabel("time [days]")
-    bottom.legend(loc="upper right", ncols=2, frameon=False)
-    low, high = bottom.get_ylim()
-    bottom.set_ylim(low, high + 0.25 * (high - low))
+    left = {
+        "before correction": ((y - y.mean()).to_numpy(), PURPLE),
+        "after the static correction": (static.residuals(X, y).to_numpy(), ORANGE),
+        "after the dynamic correction": (dynamic.residuals(X, y).to_numpy(), BLUE),
+    }
+    plt.rcParams.update(STYLE)
+    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(8, 5.2), layout="constrained", height_ratios=(1, 1.6, 1.6))
+    axes[0].plot(days[shown], X["temperature"][shown], color=VERMILION, lw=0.9)
+    axes[0].set_ylabel("room [°C]")
+    for label, (error, colour) in left.items():
+        smooth = 1e6 * moving_average(error, 25)[shown]
+        axes[1].plot(days[shown], smooth, lw=1.0, color=colour, label=label)
+        if label != "before correction":
+            axes[2].plot(days[shown], smooth, lw=0.9, color=colour)
+    axes[1].set_ylabel("error [nV]")
+    axes[2].set_ylabel("the same, closer [nV]")
+    axes[2].set_xlabel("time [days]")
+    legend_above(axes[1])
+    figure.align_ylabels(axes)
     figure.savefig(path, dpi=110)
 
 

@@ -21,7 +21,7 @@ from .loading import (
     parse_time_constants,
 )
 
-NEEDS = "The workbench needs the packages starlette and uvicorn: pip install starlette uvicorn."
+NEEDS = "The workbench needs the packages starlette, uvicorn and matplotlib: pip install starlette uvicorn matplotlib."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,9 +49,11 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
         _write_static(options, say)
         return
     try:
+        import matplotlib  # noqa: F401
+
         from ..workbench.screen import server
     except ModuleNotFoundError as error:
-        if str(error.name).split(".")[0] not in ("starlette", "uvicorn"):
+        if str(error.name).split(".")[0] not in ("starlette", "uvicorn", "matplotlib"):
             raise
         raise ImportError(NEEDS) from None
     from ..workbench.screen.desk import Opening

@@ -158,8 +158,8 @@ def legend_above(ax: Any, **options: Any) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if labels:
         room = 0.8 * ax.figure.get_figwidth() * ax.get_subplotspec().get_position(ax.figure).width / 0.775
-        widest = max(0.075 * len(label) + 0.45 for label in labels)  # inch
-        columns = len(labels) if sum(0.075 * len(x) + 0.45 for x in labels) < room else max(int(room / widest), 1)
+        wide = [0.065 * len(label) + 0.4 for label in labels]  # inch, about
+        columns = len(labels) if sum(wide) < room else max(int(room / max(wide)), 1)
         usual = {"ncols": columns, "columnspacing": 1.2, "handlelength": 1.6, "borderaxespad": 0.1}
         ax.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), **usual | options)
 

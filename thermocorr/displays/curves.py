@@ -201,10 +201,10 @@ def _cells(
 ) -> tuple[np.ndarray, ...]:
     """Cells of one part: segment, number, rows, sum of seconds; of each value how many are known, sum, extremes."""
     number = np.floor((seconds + timeline.shifts[segment] - first) / width)
-    inside = np.flatnonzero((number >= 0) & (number <= N_CELLS))
-    if not len(inside):
+    found = np.flatnonzero((number >= 0) & (number <= N_CELLS))
+    if not len(found):
         return (np.zeros(0, int),) * 4 + (np.zeros((0, values.shape[1])),) * 4
-    inside = slice(max(inside[0] - 1, 0), inside[-1] + 2)  # a row more on either side: lines reach the edge
+    inside = slice(max(found[0] - 1, 0), found[-1] + 2)  # a row more on either side: lines reach the edge
     seconds, values, number = seconds[inside], values[inside], number[inside]
     # The last row ends the last cell
     number = np.arange(len(seconds)) if whole else np.minimum(number, N_CELLS - 1).astype(int)

@@ -160,22 +160,23 @@ class ResidualsDisplay(Display):
             for end in ("low", "high"):
                 edge = cells.assign(edge=cells[end] - cells["modelled"])
                 draw_line(bottom, edge, line, "edge", VERMILION, lw=0.9)
-        for (label, other), colour in zip(self.others.items(), (SOFT, ORANGE, PURPLE), strict=False):
+        for (label, other), usual in zip(self.others.items(), (SOFT, ORANGE, PURPLE), strict=False):
+            colour = GREEN if label.startswith("with ") else usual
             draw_line(bottom, means_of(other, "residual"), line, "residual", colour, label=label, lw=1.5)
         means = means_of(cells, "residual")
         if means is not cells or len(self.others):
             draw_line(bottom, means, line, "residual", TEXT, label="its mean", lw=1.5)
         if self.noise_floor is not None:
             for sign in (-2, 2):
-                label = "twice the noise floor" if sign > 0 else None
-                bottom.axhline(sign * self.noise_floor, color=BLUE, lw=1.0, ls="--", zorder=4, label=label)
+                name = "twice the noise floor" if sign > 0 else None
+                bottom.axhline(sign * self.noise_floor, color=BLUE, lw=1.0, ls="--", zorder=4, label=name)
         for ax, (name, unit), colour in zip(below, self.columns, COLOURS_BELOW * 9, strict=False):
             draw_panel(ax, cells, line, f"column {name}", colour)
             label_values(ax.yaxis, printable(name), unit)
         for number, (low, high) in enumerate(self.failing):
             for ax in axes[:, 0]:
-                label = "fails most" if number == 0 and ax is top else None
-                ax.axvspan(*line.on_axis(np.array((low, high))), color=YELLOW, alpha=0.35, lw=0, zorder=0, label=label)
+                said = "fails most" if number == 0 and ax is top else None
+                ax.axvspan(*line.on_axis(np.array((low, high))), color=YELLOW, alpha=0.35, lw=0, zorder=0, label=said)
         for ax in axes[:, 0]:
             ax.margins(x=0.01)
             dress_time(ax, line, labels=ax is axes[-1, 0])
@@ -195,7 +196,7 @@ def _celled(curves: Curves, names: Sequence[str], values: Any, span: tuple[float
     n_rows = curves.n_rows
     if span is not None:
         places = (curves.places(part) for part in curves.parts())
-        n_rows = sum(np.count_nonzero((place >= span[0]) & (place <= span[1])) for place in places)
+        n_rows = sum(int(np.count_nonzero((place >= span[0]) & (place <= span[1]))) for place in places)
     parts = ((part.segment, part.seconds, values(part)) for part in curves.parts())
     return cells_of(curves.timeline, names, n_rows, parts, span)
 

@@ -30,7 +30,7 @@ BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, YELLOW = (
 )
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """For curves that are compared."""
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.facecolor": GROUND,
     "axes.facecolor": GROUND,
     "savefig.facecolor": GROUND,

@@ -282,7 +282,11 @@ class Facts(NamedTuple):
             for name, count in flagged.counts().items():
                 flags[name] = flags.get(name, 0) + count
         count = record.n_used - sum(flags.get(why, 0) for why in ("no reading", "sentinel", "spike"))
-        ends = [record.times.label(record.row(k)) for k in (record.segments[0].start, record.segments[-1].stop - 1)]
+
+        def label(k: int) -> str:
+            return record.times.label(record.row(k))
+
+        ends = [label(record.segments[0].start), label(record.segments[-1].stop - 1)]
         many = "" if len(record.segments) == 1 else f", in {len(record.segments)} stretches"
         when = f"{' to '.join(ends)}{'' if line.zone is None else ' UTC'}, every {span_text(record.usual_step())}"
         return cls(
@@ -292,14 +296,13 @@ class Facts(NamedTuple):
             sentence=f"{count:,} readings of {reading.name}, {'at unknown times' if line.samples else when}{many}.",
             remarks=[*dict.fromkeys((*model.notes_, *record.notes)), *_remarks(model, record, flags, curves)],
             segments=[
-                ("" if run is None else str(run), *(record.times.label(record.row(k)) for k in (start, stop - 1)),
-                 stop - start)
+                ("" if run is None else str(run), label(start), label(stop - 1), stop - start)
                 for start, stop, run in record.segments[:20]
             ],
             n_segments=len(record.segments),
             corrected=corrected,
             readings=readings,
-        )  # fmt: skip
+        )
 
     def left_behind(self, model: DynamicBiasRegressor) -> str:
         """A sentence where the mean of the corrected readings is none that was read, unasked; else ""."""
@@ -358,7 +361,7 @@ def versions() -> list[tuple[str, str]]:
 class Page:
     """What can be shown as a page, or in short in a notebook."""
 
-    def _answer(self, **known: str) -> Answer:
+    def _answer(self, **known: Any) -> Answer:
         raise NotImplementedError
 
     def to_html(self, *, source: str = "", command: str = "") -> str:
@@ -366,7 +369,8 @@ class Page:
         answer = self._answer(source=source, command=command)
         if answer.last.record is None:
             raise ValueError(f"This {type(self).__name__.lower()} holds no record to draw. Make it anew, from X and y.")
-        return report_text(*answer.last.record, answer)
+        model, X, y = answer.last.record
+        return report_text(model, X, y, answer)
 
     def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "", force: bool = False) -> None:
         """Write `to_html` to a file; OutputError for one that is there already, unless forced."""
@@ -376,7 +380,7 @@ class Page:
 class DiagnosisPage(Page):
     """Page of a `Diagnosis`."""
 
-    def _answer(self, **known: str) -> Answer:
+    def _answer(self, **known: Any) -> Answer:
         return Answer(diagnosis=self, **known)
 
     def _repr_html_(self: Any) -> str:
@@ -392,7 +396,7 @@ class DiagnosisPage(Page):
 class RefinementPage(Page):
     """Page of a `Refinement`: its last model's."""
 
-    def _answer(self, **known: str) -> Answer:
+    def _answer(self, **known: Any) -> Answer:
         return Answer(refinement=self, **known)
 
     def _repr_html_(self: Any) -> str:

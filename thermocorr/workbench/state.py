@@ -27,8 +27,8 @@ from ..effects.thermal import column_text
 from ..estimators.tables import VERDICTS
 from ..pages.html import percent_text, quantity
 from ..readers import guess
-from ..records.errors import printable
-from ..records.numbers import Scale, number_text, scale_of, span_text, times_word, unit_text
+from ..records.errors import printable, times_word
+from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text
 from ..records.types import kind_of
 from ..records.units import unit_of
 from .files import KINDS

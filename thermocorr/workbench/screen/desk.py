@@ -168,10 +168,14 @@ class Desk:
     def _go_on(self) -> None:
         """Find out what is not known yet: at once, or one thing at a time where messages may come in between."""
         if self.later is not None:
-            self.later(lambda: self.chore() and self._go_on())
+            self.later(self._one)
             return
         while self.chores and self.chore():
             pass
+
+    def _one(self) -> None:
+        if self.chore():
+            self._go_on()
 
     def _answer(self, what: str, given: Any) -> Any:
         if what in ("open", "remedy"):
@@ -219,8 +223,7 @@ class Desk:
             return {"svg": ""}
         svg = display.to_svg(width, height)
         box = display.ax_.get_position()
-        low, high = display.span if getattr(display, "span", None) else (0.0, None)
-        return {"svg": svg, "left": box.x0, "right": box.x1, "low": low, "high": high, "points": _points(display)}
+        return {"svg": svg, "left": box.x0, "right": box.x1, "points": _points(display)}
 
     def _open(self, given: Any) -> dict[str, Any]:
         """Open a log: an Opening, a ``path`` with the ``past`` of its steps, or the last one without its bad rows."""
