@@ -11,6 +11,7 @@ from stories import story_of_log
 
 from thermocorr.datasets import load_voltage_reference, make_record
 
+os.environ["COLUMNS"] = "100"  # printed pages are as wide as the terminal
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 

@@ -10,9 +10,10 @@ import pytest
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
+from thermocorr.displays.words import page_width
 from thermocorr.effects import Covariate
 from thermocorr.pages import Answer, report_text
-from thermocorr.pages.answer import LINES, WIDTH
+from thermocorr.pages.answer import LINES
 from thermocorr.workbench import Story
 from thermocorr.workbench.state import state_of
 
@@ -69,7 +70,7 @@ def test_what_the_user_asks_for_is_used_and_said(asked):
 
 def fits(text):
     lines = text.splitlines()
-    return len(lines) <= LINES and max(map(len, lines)) <= WIDTH
+    return len(lines) <= LINES and max(map(len, lines)) <= page_width()
 
 
 def test_there_is_room_for_what_matters_however_much_there_is_to_say(asked):

@@ -23,6 +23,10 @@ COMMANDS = {
 """Name -> what for. The module of that name does it: `add_arguments`, `run`."""
 
 
+PLAIN = str.maketrans({"µ": "u", "Ω": "ohm", "°": "deg", "²": "^2", "³": "^3", "⁻": "^-", "\u2212": "-"})
+"""What stands for signs that a terminal does not have."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
 
@@ -113,8 +117,13 @@ def _say(text: str) -> None:
     """Print to standard output, as long as somebody reads there: files are written all the same."""
     from ..records.errors import printable
 
+    text, encoding = printable(text, "\n"), sys.stdout.encoding or "utf-8"
     try:
-        print(printable(text, "\n"), flush=True)
+        text.encode(encoding)
+    except UnicodeEncodeError:  # a terminal of few letters
+        text = text.translate(PLAIN).encode(encoding, "replace").decode(encoding)
+    try:
+        print(text, flush=True)
     except BrokenPipeError:
         _abandon_output()
 

@@ -158,6 +158,7 @@ def cells_of(
     n_rows: int,
     parts: Iterable[tuple[int, np.ndarray, np.ndarray]],
     span: tuple[float, float] | None = None,
+    n_cells: int = N_CELLS,
 ) -> pd.DataFrame:
     """Values that arrive in time order, part by part, in cells of time.
 
@@ -172,6 +173,8 @@ def cells_of(
         Times [s], shape (n,), and values, shape (n, k); NaN for missing ones.
     span : (float, float), optional
         First and last place on the axis [s]; the whole axis by default.
+    n_cells : int
+        Cells over the axis.
 
     Returns
     -------
@@ -179,11 +182,10 @@ def cells_of(
         One row per cell: time, segment, seconds (mean), n, and of each value its mean, ``_low`` and ``_high``.
     """
     first, last = (0.0, timeline.span) if span is None else span
-    width = max(last - first, 1e-300) / N_CELLS
-    found = [_cells(*part, timeline, first, width, n_rows <= 2 * N_CELLS) for part in parts]
+    found = [_cells(*part, timeline, (first, last), 0 if n_rows <= 2 * n_cells else n_cells) for part in parts]
     segment, number, n, seconds, known, total, low, high = map(np.concatenate, zip(*found, strict=True))
     starts = np.flatnonzero((np.diff(segment, prepend=-1) != 0) | (np.diff(number, prepend=-1) != 0))
-    if n_rows <= 2 * N_CELLS:
+    if n_rows <= 2 * n_cells:
         starts = np.arange(len(segment))
     n, seconds, known, total = (np.add.reduceat(column, starts) for column in (n, seconds, known, total))
     low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
@@ -197,17 +199,22 @@ def cells_of(
 
 
 def _cells(
-    segment: int, seconds: np.ndarray, values: np.ndarray, timeline: TimeLine, first: float, width: float, whole: bool
+    segment: int, seconds: np.ndarray, values: np.ndarray, timeline: TimeLine, span: tuple[float, float], n_cells: int
 ) -> tuple[np.ndarray, ...]:
-    """Cells of one part: segment, number, rows, sum of seconds; of each value how many are known, sum, extremes."""
-    number = np.floor((seconds + timeline.shifts[segment] - first) / width)
-    found = np.flatnonzero((number >= 0) & (number <= N_CELLS))
+    """Cells of one part: segment, number, rows, sum of seconds; of each value how many are known, sum, extremes.
+
+    With no cells each row is one.
+    """
+    place = seconds + timeline.shifts[segment]
+    found = np.flatnonzero((place >= span[0]) & (place <= span[1]))
     if not len(found):
         return (np.zeros(0, int),) * 4 + (np.zeros((0, values.shape[1])),) * 4
     inside = slice(max(found[0] - 1, 0), found[-1] + 2)  # a row more on either side: lines reach the edge
-    seconds, values, number = seconds[inside], values[inside], number[inside]
-    # The last row ends the last cell
-    number = np.arange(len(seconds)) if whole else np.minimum(number, N_CELLS - 1).astype(int)
+    seconds, values, place = seconds[inside], values[inside], place[inside]
+    number = np.arange(len(seconds))
+    if n_cells:  # the last row ends the last cell
+        share = (place - span[0]) / max(span[1] - span[0], 1e-300)
+        number = np.minimum(np.floor(n_cells * share), n_cells - 1).astype(int)
     starts = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
     known = np.isfinite(values)
     return (

@@ -20,8 +20,8 @@ from ..records.errors import printable
 from ..records.numbers import quantity_texts, span_text
 from ..records.units import difference_unit, unit_of
 from .axes import Display, label_values, labelled, legend_above, log_time_axis
-from .curves import Curves, Part, cells_of, draw_band, draw_line, draw_panel, draw_rows, means_of, regressor_of
-from .style import BLUE, GREEN, ORANGE, PALE, PURPLE, SKY, SOFT, TEXT, VERMILION, YELLOW
+from .curves import N_CELLS, Curves, Part, cells_of, draw_band, draw_line, draw_panel, draw_rows, means_of, regressor_of
+from .style import BLUE, GREEN, ORANGE, PURPLE, SKY, SOFT, TEXT, VERMILION, YELLOW
 from .timeline import TimeLine, dress_time, name_runs, stretches
 
 COLOURS_BELOW = (PURPLE, GREEN, ORANGE, SKY)
@@ -41,6 +41,7 @@ class ResidualsDisplay(Display):
     """
 
     alt: ClassVar[str] = "readings and model over time, and what the model leaves"
+    stacked: ClassVar[bool] = True
     cells: pd.DataFrame
     timeline: TimeLine
     name: str
@@ -96,11 +97,13 @@ class ResidualsDisplay(Display):
         span: tuple[float, float] | None = None,
         learned: np.ndarray | None = None,
         levels: bool = True,
+        n_cells: int = N_CELLS,
     ) -> ResidualsDisplay:
         """Create it from curves.
 
         `span` (pair of float): Between two places on the axis [s]. `learned` (array of bool): The rows that the model
         was learned from; others are drawn grey. `levels` (bool): False draws readings less the level of their run.
+        `n_cells` (int): Over the axis.
         """
         names = ["measured", "modelled", "residual", "corrected", "left out", "low", "high"]
         names += [f"column {name}" for name in columns]
@@ -117,7 +120,7 @@ class ResidualsDisplay(Display):
 
         reading = curves.model.reading_
         return cls(
-            cells=_celled(curves, names, values, span),
+            cells=_celled(curves, names, values, span, n_cells),
             timeline=curves.timeline,
             name=reading.name,
             unit=reading.unit,
@@ -125,7 +128,7 @@ class ResidualsDisplay(Display):
             failing=[] if diagnosis is None else stretches(diagnosis, curves.timeline),
             noise_floor=None if diagnosis is None else diagnosis.noise_floor,
             others={
-                label: _celled(other, ["residual"], lambda part: part.residual[:, None], span)
+                label: _celled(other, ["residual"], lambda part: part.residual[:, None], span, n_cells)
                 for label, other in (others or {}).items()
             },
             span=span,
@@ -149,7 +152,7 @@ class ResidualsDisplay(Display):
     def draw(self, axes: np.ndarray) -> None:
         """Draw in axes of shape (rows, 1)."""
         (top, bottom, *below), cells, line = axes[:, 0], self.cells, self.timeline
-        draw_rows(top, cells, line, "left out", PALE, "left out" if cells["left out"].notna().any() else None)
+        draw_rows(top, cells, line, "left out", SOFT, "left out" if cells["left out"].notna().any() else None)
         draw_rows(top, cells, line, "measured", SKY, "measured")
         draw_line(top, cells, line, "corrected", GREEN, lw=1.0, label="corrected")
         if cells["low"].notna().any():
@@ -191,14 +194,16 @@ class ResidualsDisplay(Display):
         top.figure.align_ylabels(axes[:, 0])
 
 
-def _celled(curves: Curves, names: Sequence[str], values: Any, span: tuple[float, float] | None) -> pd.DataFrame:
+def _celled(
+    curves: Curves, names: Sequence[str], values: Any, span: tuple[float, float] | None, n_cells: int
+) -> pd.DataFrame:
     """Values of each part of some curves in cells of time."""
     n_rows = curves.n_rows
     if span is not None:
         places = (curves.places(part) for part in curves.parts())
         n_rows = sum(int(np.count_nonzero((place >= span[0]) & (place <= span[1]))) for place in places)
     parts = ((part.segment, part.seconds, values(part)) for part in curves.parts())
-    return cells_of(curves.timeline, names, n_rows, parts, span)
+    return cells_of(curves.timeline, names, n_rows, parts, span, n_cells)
 
 
 BINS, POINTS = 60, 2000

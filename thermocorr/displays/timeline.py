@@ -125,8 +125,8 @@ class TimeLine:
         if self._shows_dates:
             from matplotlib import dates
 
-            most = int(min(max(axis.get_figure().get_figwidth(), 3), 8))
-            locator = dates.AutoDateLocator(tz=self.zone, minticks=min(most, 3), maxticks=most)
+            most = int(min(max(axis.get_figure().get_figwidth(), 4), 8))
+            locator = dates.AutoDateLocator(tz=self.zone, minticks=2 if most < 6 else 3, maxticks=most)
             axis.set_major_locator(locator)
             ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
             # the date stands next to the axis only where the ticks are times of day

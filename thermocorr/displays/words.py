@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -24,6 +25,11 @@ MANY_SPIKES = 10
 """Spikes that are listed at most."""
 MANY_MOMENTS = 6
 """Moments of a cause that are listed at most."""
+
+
+def page_width() -> int:
+    """Letters of a printed line: as wide as the terminal is, from 60 to 120; 100 where there is none."""
+    return min(max(shutil.get_terminal_size((100, 24)).columns, 60), 120)
 
 
 def each_row(table: pd.DataFrame) -> Iterator[Any]:

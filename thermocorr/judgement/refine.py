@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..displays.words import effect_text
+from ..displays.words import effect_text, page_width
 from ..effects import CATALOGUE, Hinge, LaggedCovariate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
@@ -24,7 +24,7 @@ from ..pages import RefinementPage
 from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of, unit_text
 from .diagnose import diagnose, out_of_sample
-from .report import WIDTH, Diagnosis, FoundSuspect
+from .report import Diagnosis, FoundSuspect
 from .terms import helps_evenly, passes_twice
 
 
@@ -68,7 +68,7 @@ class Refinement(RefinementPage):
         if named:
             why = "No step was left." if self.untried else "Later data do not confirm it."
             said = f"Named there, and not added: {', '.join(named)}. {why}"
-            lines += textwrap.wrap(said, WIDTH, subsequent_indent="    ")
+            lines += textwrap.wrap(said, page_width(), subsequent_indent="    ")
         return printable("\n".join(lines), "\n")
 
     __repr__ = __str__

@@ -13,7 +13,15 @@ import pandas as pd
 from scipy import stats
 from sklearn.base import clone
 
-from ..displays.words import each_row, effect_text, left_sentences, small_sentence, suspect_sentence, worst_sentence
+from ..displays.words import (
+    each_row,
+    effect_text,
+    left_sentences,
+    page_width,
+    small_sentence,
+    suspect_sentence,
+    worst_sentence,
+)
 from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
 from ..effects.protocol import Effect
 from ..equations.noise import Kernel, inverse_kernel
@@ -373,8 +381,6 @@ def _falls(shift: np.ndarray, left: np.ndarray, kernel: Kernel) -> np.ndarray:
     return np.asarray(np.cumsum(shift * left) + 0.5 * own)
 
 
-WIDTH = 110
-"""Characters in a line of a printed diagnosis."""
 RANKING = ["label", "kind", "column", "parameters", "standing", "gain_db", "later_db", "p_value", "share",
            "confusable_with", "sentence"]  # fmt: skip
 
@@ -529,7 +535,7 @@ class Diagnosis(DiagnosisPage):
         if self.best is not None and self.best.info is not None:
             lines.append(f"How to confirm the first: {self.best.info.bench_check}")
             lines.append("To add it: better = model.with_effect(diagnosis.best).fit(X, y), or refine(model, X, y).")
-        return "\n".join(textwrap.fill(printable(line), WIDTH, subsequent_indent="    ") for line in lines)
+        return "\n".join(textwrap.fill(printable(line), page_width(), subsequent_indent="    ") for line in lines)
 
     __repr__ = __str__
 

@@ -10,15 +10,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..displays.words import better_text, effect_text, further_text, left_sentences, probability_text, small_sentence
+from ..displays.words import (
+    better_text,
+    effect_text,
+    further_text,
+    left_sentences,
+    page_width,
+    probability_text,
+    small_sentence,
+    wrapped,
+)
 from ..estimators.advice import REFINED, Advice, advise_refined
 from ..estimators.tables import VERDICTS
 from ..estimators.variants import VariantComparison
 from ..records.errors import printable
 from ..records.numbers import Scale, scale_of, unit_text
 
-LINES, WIDTH = 16, 100
-"""Lines of a printed answer, and characters of a line, at most."""
+LINES = 16
+"""Lines of a printed answer, at most."""
 GAP = "   "
 """Between columns of a table."""
 CAUSES = 5
@@ -62,7 +71,7 @@ def _or_null(value: float) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Answer on a record, for terminal, JSON and page. Prints in at most 16 lines of 100 characters."""
+    """Answer on a record, for terminal, JSON and page. Prints in at most 16 lines as wide as the terminal."""
 
     diagnosis: Any = None
     """Diagnosis of the model; a refinement has its own."""
@@ -325,14 +334,17 @@ class Answer:
 def _wrapped(text: str, most: int = 4) -> list[str]:
     """Lines of a text, a few of them."""
     text = str(printable(text))
-    return textwrap.wrap(text, WIDTH, max_lines=most, placeholder=" ...", subsequent_indent="  ") if text else []
+    return textwrap.wrap(text, page_width(), max_lines=most, placeholder=" ...", subsequent_indent="  ") if text else []
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table: names from the left, shortened where they are long, all else from the right."""
+    """A table: names from the left, on several lines where they are long, all else from the right."""
     widths = [max(len(row[k]) for row in rows) for k in range(1, len(rows[0]))]
-    room = WIDTH - sum(widths) - len(GAP) * len(widths)
-    names = [row[0] if len(row[0]) <= room else f"{row[0][: room - 3]}..." for row in rows]
-    longest = max(map(len, names))
+    room = page_width() - sum(widths) - len(GAP) * len(widths)
+    names = [wrapped(row[0], max(room, 20)).split("\n") for row in rows]
+    longest = max(len(line) for name in names for line in name)
     cells = [[cell.rjust(width) for cell, width in zip(row[1:], widths, strict=True)] for row in rows]
-    return [GAP.join([name.ljust(longest), *row]).rstrip() for name, row in zip(names, cells, strict=True)]
+    lines = []
+    for name, row in zip(names, cells, strict=True):
+        lines += [GAP.join([name[0].ljust(longest), *row]).rstrip(), *(f"  {more}" for more in name[1:])]
+    return lines

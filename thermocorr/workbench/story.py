@@ -25,7 +25,7 @@ from ..displays import (
     WhereDisplay,
 )
 from ..displays.axes import Display
-from ..displays.curves import Curves
+from ..displays.curves import N_CELLS, Curves
 from ..displays.words import effect_text
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
@@ -393,7 +393,7 @@ class Story:
         key = self.key(acts)
         if key not in self._steps:
             self._steps[key] = found = self._fitted(key, acts)
-            self._known.setdefault(key, {})["rms"] = rms(_finite(_learned(found, found.curves)))
+            self._known.setdefault(key, {})["rms"] = _rms(_learned(found, found.curves))
         self._steps.move_to_end(key)
         # Rows of all steps together, from which fewer are kept
         most = max(3, min(12, 3_000_000 // max(len(self.log.frame), 1)))
@@ -549,7 +549,8 @@ class Story:
         **how
             errors: promised (error that a suspect would leave). time: low, high (places [s]), columns (drawn below),
             versus (number of the act whose step is compared; the one before by default), levels (False: readings less
-            the level of their run), preview (True: what `preview` found). against: column or condition, low, high.
+            the level of their run), preview (True: what `preview` found), cells (over
+            the axis). against: column or condition, low, high.
         """
         found = self.now
         if name not in PICTURES:
@@ -599,6 +600,7 @@ class Story:
             span=span,
             learned=np.isfinite(found.learned.to_numpy(float)) if found.left_out else None,
             levels=bool(how.get("levels", True)),
+            n_cells=_integer(how.get("cells", N_CELLS), "The number of cells", 100, 10_000),
         )
 
     def script(self) -> str:
@@ -658,11 +660,12 @@ def _left_out(acts: Sequence[Act]) -> list[tuple[int, int]]:
 def _learned(found: Step, curves: Curves) -> np.ndarray:
     """Residual of the readings that are learned from; NaN elsewhere."""
     learned: np.ndarray = np.isfinite(found.learned.to_numpy(float))
-    return np.concatenate([np.where(learned[part.rows], part.residual, np.nan) for part in curves.parts()])
+    parts = [np.where(learned[part.rows], part.residual, np.nan) for part in curves.parts()]
+    return np.asarray(np.concatenate(parts))
 
 
-def _finite(values: np.ndarray) -> np.ndarray:
-    return values[np.isfinite(values)]
+def _rms(values: np.ndarray) -> float:
+    return rms(values[np.isfinite(values)])
 
 
 def _moments(found: Step, places: np.ndarray, seconds: np.ndarray) -> str:

@@ -218,6 +218,8 @@ class Desk:
         name, width = str(given.pop("name", "")), given.pop("width", 900)
         width = min(max(width, 280), 2400) if type(width) in (int, float) and math.isfinite(width) else 900
         height = SMALL if name == "time" and width < NARROW else None
+        if name == "time":  # one cell for a pixel
+            given["cells"] = int(width)
         display = story.display(name, **given)
         if display is None:
             return {"svg": ""}
