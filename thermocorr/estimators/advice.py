@@ -187,6 +187,14 @@ def _beats(table: pd.DataFrame, name: str, others: Sequence[str]) -> bool:
     return all(reduction_db(both[c][name], both[c][list(others)].min()) <= -GAIN for c in both)
 
 
+def needless_rms(law: OutOfSample, moment: float | None = None) -> float:
+    """Rms error on later stretches, as a law of the same readings has it, of the best that needs no temperature."""
+    level = OutOfSample(law.reading, law.base[:, :1], law.unseen)
+    drift = level.with_columns(law.base[:, :1] * np.linspace(-1.0, 1.0, len(law.reading))[:, None])
+    latest = _Stretches(law.reading, law.unseen).of_latest(later_pieces(moment))
+    return min(level.later_rms(moment), drift.later_rms(moment), float(np.sqrt(geometric_mean(latest))))
+
+
 def advise_refined(
     advice: Advice, variants: Mapping[str, Any], refined: Any, moment: float | None, X: Any, y: Any
 ) -> Advice:
@@ -221,10 +229,17 @@ def _errors(
     own = {name: np.column_stack([next(averages) for _ in some]) for name, some in effects.items()}
     columns = {name: _level_free(each, groups) for name, each in own.items()}
     reading = _level_free(data.reading[:, None], groups)[:, 0]
-    known = _Stretches(reading, _hidden(reading, columns[list(columns)[-1]], data), moment)
+    rows = np.asarray(record.reading, float)
+    single = {name: float(model.residual_std_) ** 2 for name, model in variants.items()}
+    single[LEVEL] = float(np.nanvar(rows)) - float(np.var(data.reading)) + float(np.var(reading))
+    single[DRIFT] = single[LEVEL]
     drift = data.seconds[:, None] - data.seconds.mean()
     made = {LEVEL: reading[:, None][:, :0], DRIFT: drift, **columns}
-    laws = {name: known.with_columns(own) for name, own in made.items()}
+    floor = _hidden(reading, columns[list(columns)[-1]], data)
+    hidden = {name: max(single[name] - _left(reading, own), floor) for name, own in made.items()}
+    hidden[DRIFT] = hidden[LEVEL]
+    laws = {name: _Stretches(reading, hidden[name], moment).with_columns(own) for name, own in made.items()}
+    known = _Stretches(reading, hidden[LEVEL], moment)
     table = {name: law.reading_errors(moment) for name, law in laws.items()}
     further = pd.DataFrame({name: law.forecast_errors(moment) for name, law in laws.items()}).T
     table[LATEST] = known.of_latest(later_pieces(moment))
@@ -279,6 +294,15 @@ def _level_free(columns: np.ndarray, groups: np.ndarray) -> np.ndarray:
     if not groups.any():
         return columns
     return np.asarray(columns - pd.DataFrame(columns).groupby(groups).transform("mean").to_numpy())
+
+
+def _left(reading: np.ndarray, columns: np.ndarray) -> float:
+    """Mean square of averages that a law of columns, shape (n, k), and a constant leave of a reading."""
+    base = np.column_stack((np.ones(len(reading)), columns))
+    size = np.linalg.norm(base, axis=0)
+    base = base / np.where(size > 0, size, 1.0)
+    left = reading - base @ np.linalg.lstsq(base, reading, rcond=1e-9)[0]
+    return float(np.mean(left**2))
 
 
 def _hidden(reading: np.ndarray, columns: np.ndarray, data: Averages) -> float:

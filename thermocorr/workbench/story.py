@@ -30,12 +30,14 @@ from ..displays.words import effect_text
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
 from ..estimators import DynamicBiasRegressor
-from ..estimators.advice import Advice, advise
+from ..estimators.advice import NEEDLESS, Advice, advise, needless_rms
 from ..estimators.averages import rms
+from ..estimators.out_of_sample import OutOfSample
 from ..estimators.thermometers import Thermometers
 from ..estimators.variants import variants_of
 from ..files.effect_nodes import EffectCodec, import_path
 from ..judgement import Diagnosis, diagnose
+from ..judgement.diagnose import out_of_sample
 from ..judgement.refine import with_fitted_causes, with_missing
 from ..judgement.where import first_look
 from ..readers import Options, guess, is_counter
@@ -138,6 +140,8 @@ class Story:
         self.told: Callable[[str], None] = lambda text: None
         """Told what is being tried."""
         self._steps: OrderedDict[str, Step] = OrderedDict()
+        self._laws: dict[str, dict[str, OutOfSample]] = {}
+        """Corrections of a record with runs, with their errors, by the key of the first step."""
         self._known: dict[str, dict[str, Any]] = {}
 
     @classmethod
@@ -233,13 +237,22 @@ class Story:
         """
         rows: list[tuple[str, float, float]] = []
         advice, moment = self.advice.get(self.key(self.acts[:1])), self.moment
-        if advice is not None and not advice.table.empty and moment is None:
-            known = advice.table["all"]
-            rows.append(("no correction", advice.before, math.nan))
-            for kind in ("static", "dynamic"):
-                best = known[[str(name).startswith(kind) for name in known.index]]
-                if len(best) and not advice.variant.startswith(kind):
-                    rows.append((f"{best.idxmin()} correction", float(best.min()), math.nan))
+        laws = self._laws.get(self.key(self.acts[:1]), {})
+        if laws:  # levels of runs, which the advice leaves out, are in the errors of steps
+            none = needless_rms(next(iter(laws.values())), moment)
+            others = {name: law.later_rms(moment) for name, law in laws.items()}
+        elif advice is not None and not advice.table.empty and moment is None:
+            none, others = (
+                advice.before,
+                {str(k): float(v) for k, v in advice.table["all"].items() if k not in NEEDLESS},
+            )
+        else:
+            none, others = math.nan, {}
+        rows += [("no correction", none, math.nan)] if others else []
+        for kind in ("static", "dynamic"):
+            name = min((name for name in others if name.startswith(kind)), key=others.__getitem__, default="")
+            if name and advice is not None and not advice.variant.startswith(kind):
+                rows.append((f"{name} correction", others[name], math.nan))
         for number, act in enumerate(self.acts):
             error = self.known(self.acts[: number + 1]).get("later", {}).get(moment, math.nan)
             compared = _left_out(self.acts[: number + 1]) == _left_out(self.acts)
@@ -491,6 +504,10 @@ class Story:
                              for acts in self.versions]  # fmt: skip
             self.fit()
         self.advice[self.key(self.acts[:1])] = advice
+        if found.model._run_levels.times:
+            with quiet():
+                laws = {name: out_of_sample(model, found.X, found.learned) for name, model in fitted.items()}
+            self._laws[self.key(self.acts[:1])] = laws
 
     def _look(self, found: Step) -> None:
         """Where it fails, before it is known why."""
