@@ -211,7 +211,7 @@ def test_where_and_suspects_show_the_diagnosis(fitted, found):
     assert suspects.frame()["label"].iloc[0] == "hysteresis"
     assert suspects.frame()["gain_db"].tolist() == found.ranking["gain_db"].tolist()
     suspects.plot()
-    assert suspects.ax_.get_title(loc="left") == "Verdict: missing: hysteresis"
+    assert suspects.ax_.get_title(loc="left") == "Verdict: missing (hysteresis)"
     assert "[dB]" in suspects.ax_.get_xlabel()
     figure = found.plot(X)
     figure.canvas.draw()

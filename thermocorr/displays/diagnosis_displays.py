@@ -162,9 +162,10 @@ class ErrorsDisplay(Display):
         ax.tick_params(axis="y", length=0)
         ax.set_xticks([])
         ax.spines["bottom"].set_visible(False)
-        floor = "" if self.noise_floor is None else "; line: noise floor"
-        promised = "" if self.promised is None else "; green: with the suspect"
-        ax.set_title(f"rms error on later data{floor}{promised}")
+        said = ["rms error on later data"] if ax.figure.get_figwidth() > 5 else []
+        said += [] if self.noise_floor is None else ["line: noise floor"]
+        said += [] if self.promised is None else ["green: with the suspect"]
+        ax.set_title("; ".join(said))
 
 
 def _name(step: Any) -> str:
@@ -204,7 +205,7 @@ class SuspectsDisplay(Display):
     def draw(self, axes: np.ndarray) -> None:
         """Draw in axes of shape (1, 1)."""
         frame, only = self.frame().head(SHOWN), axes[0, 0]
-        title = f"Verdict: {self.verdict}" + (f": {frame['label'].iloc[0]}" if self.named and len(frame) else "")
+        title = f"Verdict: {self.verdict}" + (f" ({frame['label'].iloc[0]})" if self.named and len(frame) else "")
         only.set_title(wrapped(title, 80), loc="left")
         if not len(frame):
             only.text(0.5, 0.5, "No suspects.", ha="center", va="center", transform=only.transAxes)
@@ -347,8 +348,7 @@ class VariantsDisplay(Display):
         figures: Any = self.table.loc[name]
         unit = self.reading[1]
         if name == READING:
-            smoothing = f"curves: moving average of {self.window} samples"
-            return f"{name}, less its mean: std {quantity_text(figures['std'], unit)} ({smoothing})"
+            return f"{name}: std {quantity_text(figures['std'], unit)}; curves: means of {self.window} samples"
         scale = scale_of(self.table["std_smoothed"].drop(READING), unit)
         return f"{name}: std {scale.text(figures['std_smoothed'])}, {figures['reduction_db']:.1f} dB"
 

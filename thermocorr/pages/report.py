@@ -138,7 +138,7 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
         said="" if found is None else said_of(found),
         left=[] if found is None else [*left_sentences(found.left, scale, found.verdict), small_sentence(found)],
         scale=scale,
-        follows=picture(ResidualsDisplay.from_estimator(model, X, y, found, uncertainty=True, columns=below)),
+        follows=picture(ResidualsDisplay.from_estimator(model, X, y, found, uncertainty=True, columns=below), 480),
         where=None if found is None else _where(found, X),
         suspects=[] if found is None else _suspects(found, facts),
         suspected="" if found is None else picture(SuspectsDisplay.from_diagnosis(found)),
@@ -163,10 +163,13 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
     )
 
 
-def picture(display: Display) -> Markup:
-    """A display as it stands in a page."""
+def picture(display: Display, height: float | None = None) -> Markup:
+    """A display as it stands in a page; with a `height` [pixels], another one for a telephone."""
     try:
-        return Markup(display.to_svg())
+        if height is None:
+            return Markup(display.to_svg())
+        both = display.to_svg(), display.to_svg(360, height)
+        return Markup('<div class="wide">{}</div><div class="narrow">{}</div>').format(*map(Markup, both))
     except ImportError:
         return NO_PICTURES
 
@@ -186,7 +189,8 @@ def _errors(answer: Answer, model: DynamicBiasRegressor) -> Markup | str:
         chosen = errors.index[-1]
     if errors.notna().sum() == 0:
         return ""
-    return picture(ErrorsDisplay(errors, model.reading_.unit, floor, chosen or errors.index[0]))
+    bars = ErrorsDisplay(errors, model.reading_.unit, floor, chosen or errors.index[0])
+    return picture(bars, 96 * bars.grid()["size"][1])
 
 
 def _where(found: Any, X: Any) -> dict[str, Any]:

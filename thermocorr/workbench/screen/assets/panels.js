@@ -194,7 +194,7 @@
       const path = (curve.values.map((v, i) => { if (v == null) { pen = "M"; return ""; } const at = `${pen}${(600 * i / Math.max(n - 1, 1)).toFixed(1)},${(58 - 56 * (v - low) / ((high - low) || 1)).toFixed(1)}`; pen = "L"; return at; }).join(""));
       const drawn = element("div");
       drawn.innerHTML = `<svg viewBox="0 0 600 60" preserveAspectRatio="none"><path d="${path}"/></svg>`; // numbers alone
-      return element("figure", {}, element("figcaption", { class: "fine" }, `${curve.shown}${curve.unit ? ` [${curve.unit}]` : ""}: ${curve.low} to ${curve.high}`), drawn);
+      return element("figure", {}, element("figcaption", { class: "fine" }, `${named(curve)}: ${curve.low} to ${curve.high}`), drawn);
     };
     return [element("h2", {}, "The log as it is"), ...state.raw.map(picture)];
   }
