@@ -408,6 +408,7 @@ def test_every_kind_of_small_record_is_drawn(kind):
         display = kind_of_display.from_estimator(**{name: given[name] for name in given if name in takes})
         assert len(display.frame())
         assert display.plot() is display
+        assert display.to_svg(360).startswith("<svg")
         if kind in ("dates", "gaps and runs") or kind_of_display is ResidualsDisplay:
             display.figure_.canvas.draw()
         assert display.ax_.get_ylabel()

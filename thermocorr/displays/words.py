@@ -198,7 +198,8 @@ def matters_text(readings: int) -> str:
 
 def size_text(suspect: Any, scale: Scale) -> str:
     """Size of a named suspect, and from which averaging on it matters."""
-    return f"{scale.text(suspect.size, 2)} rms, {matters_text(suspect.matters_from)}"
+    size = f"{scale.text(suspect.size, 2)} rms, " if np.isfinite(suspect.size) else ""
+    return f"{size}{matters_text(suspect.matters_from)}"
 
 
 def small_sentence(found: Any) -> str:

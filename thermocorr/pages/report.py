@@ -54,7 +54,7 @@ FEWEST_DIGITS, MOST_DIGITS = 6, 15
 """Digits of a coefficient."""
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 """Nothing runs in the page, and nothing is loaded."""
-NO_PICTURES = Markup("<p>Pictures need the package matplotlib: <code>pip install matplotlib</code>.</p>")
+NO_PICTURES = "The pictures of this page need the package matplotlib: pip install matplotlib."
 
 
 def write_report(
@@ -124,12 +124,14 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
     scale = scale_of([] if found is None else (found.residual_rms, found.noise_floor), model.reading_.unit)
     coefficients = model.coef_table()
     uncertainties = _uncertainties(model)
+    follows = picture(ResidualsDisplay.from_estimator(model, X, y, found, uncertainty=True, columns=below), 480)
     return rendered(
         "report",
         policy=POLICY,
         styles=Markup(css() + asset("report.css")),
         title=f"Thermal bias of {model.reading_.name}",
         leads=[*filter(None, [answer.sentence(), facts.left_behind(model), added_noise_shown(allan, model, X)])],
+        lacking="" if follows else NO_PICTURES,
         facts=facts,
         answer=answer,
         bars=_errors(answer, model),
@@ -138,7 +140,7 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
         said="" if found is None else said_of(found),
         left=[] if found is None else [*left_sentences(found.left, scale, found.verdict), small_sentence(found)],
         scale=scale,
-        follows=picture(ResidualsDisplay.from_estimator(model, X, y, found, uncertainty=True, columns=below), 480),
+        follows=follows,
         where=None if found is None else _where(found, X),
         suspects=[] if found is None else _suspects(found, facts),
         suspected="" if found is None else picture(SuspectsDisplay.from_diagnosis(found)),
@@ -170,8 +172,8 @@ def picture(display: Display, height: float | None = None) -> Markup:
             return Markup(display.to_svg())
         both = display.to_svg(), display.to_svg(360, height)
         return Markup('<div class="wide">{}</div><div class="narrow">{}</div>').format(*map(Markup, both))
-    except ImportError:
-        return NO_PICTURES
+    except ImportError:  # the page says so
+        return Markup("")
 
 
 def said_of(found: Any) -> str:
