@@ -255,7 +255,7 @@ def test_where_it_fails_is_known_before_the_diagnosis(story_log):
         chore[1]()
     state = state_of(story)
     assert state["judged"] is None and state["fitted"]["where"][0]["share"]["value"] > 0.05
-    story.told = words.append
+    story.progress = words.append
     story.judge()
     assert any(text.startswith("trying ") for text in words) and any(t.startswith("best so far: ") for t in words)
 

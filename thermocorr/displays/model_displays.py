@@ -22,7 +22,7 @@ from .timeline import TimeLine, dress_time, name_runs
 
 @dataclass(eq=False)
 class ContributionsDisplay(Display):
-    """What each effect adds over time, the largest first; beside it, how it answers a step of temperature.
+    """What each effect adds over time, the largest first, and how it answers a step of temperature.
 
     Attributes
     ----------

@@ -284,7 +284,7 @@ class AgainstDisplay(Display):
 
 
 def conditions(curves: Curves) -> dict[str, tuple[str, str]]:
-    """Conditions beside recorded columns: name -> label and unit."""
+    """Conditions that are no recorded columns: name -> label and unit."""
     model, degrees = curves.model, difference_unit(curves.model.reading_.temperature_unit)
     found = {"rate": ("rate of the temperature", f"{degrees}/h")}
     if (lag := largest_lag(model)) is not None:

@@ -268,7 +268,7 @@ class Search:
     """Finds the terms.
 
     `pool` (Pool). `anywhere` (collection of str): Kinds that are looked for at every row, period or delay. `say`
-    (callable): Told what is being tried.
+    (callable): Called with what is being tried.
     """
 
     def __init__(

@@ -137,8 +137,8 @@ class Story:
         """Why there is no model."""
         self.advice: dict[str, Advice | None] = {}
         """Which correction is advised, by the key of the step that was asked about; None where that failed."""
-        self.told: Callable[[str], None] = lambda text: None
-        """Told what is being tried."""
+        self.progress: Callable[[str], None] = lambda text: None
+        """Called with what is being tried."""
         self._steps: OrderedDict[str, Step] = OrderedDict()
         self._laws: dict[str, dict[str, OutOfSample]] = {}
         """Corrections of a record with runs, with their errors, by the key of the first step."""
@@ -521,7 +521,7 @@ class Story:
         known = self._known.setdefault(found.key, {})
         try:
             with quiet():
-                judged = diagnose(found.model, found.X, found.learned, suspects=self.own, progress=self.told)
+                judged = diagnose(found.model, found.X, found.learned, suspects=self.own, progress=self.progress)
                 found.diagnosis = judged = with_fitted_causes(judged, found.model, found.X, found.learned)
             assert judged.ahead is not None
             known |= {"verdict": judged.verdict, "held_out": judged.held_out_rms, "moment": judged.moment}

@@ -125,7 +125,7 @@ class Desk:
             return False
         words, work = found
         self.progress(words)
-        self.story.told = lambda text: self.progress(f"{words}: {text}")
+        self.story.progress = lambda text: self.progress(f"{words}: {text}")
         if not self.carried(work, chore=True):
             self.stop()
         self.show()

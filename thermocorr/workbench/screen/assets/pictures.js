@@ -40,18 +40,18 @@
       this.selecting = false;
       this.chosen = element("div", { class: "chosen", hidden: true });
       this.pointer = element("div", { class: "pointer", hidden: true });
-      this.told = element("p", { class: "told fine", "aria-live": "off" });
-      place.after(this.told);
+      this.readout = element("p", { class: "readout fine", "aria-live": "off" });
+      place.after(this.readout);
       place.addEventListener("pointerdown", (event) => this.begin(event));
       place.addEventListener("pointermove", (event) => this.move(event));
       place.addEventListener("pointerup", (event) => this.end(event));
-      place.addEventListener("pointerleave", () => { this.pointer.hidden = true; this.told.textContent = ""; });
+      place.addEventListener("pointerleave", () => { this.pointer.hidden = true; this.readout.textContent = ""; });
       place.addEventListener("dblclick", () => this.zoom(null));
     }
     show(fitted) {
       const before = this.fitted;
       this.fitted = fitted;
-      if (!fitted) { this.clear(); this.told.textContent = ""; return; }
+      if (!fitted) { this.clear(); this.readout.textContent = ""; return; }
       if (before && before.span !== fitted.span) this.range = null;
       if (before && before.key !== fitted.key) this.how = { ...this.how, preview: false, versus: null };
       if (!this.how.columns.length && !before) this.how.columns = [fitted.temperature];
@@ -96,7 +96,7 @@
       if (!this.found) return;
       const here = this.at(event);
       if (this.from != null && event.pointerType === "mouse") this.select([this.from, here]);
-      this.tell(here);
+      this.read(here);
     }
     end(event) {
       if (!this.found || this.from == null) return;
@@ -115,7 +115,7 @@
       this.chosen.style.width = `${b - a}%`;
       this.selected = [...range].sort((x, y) => x - y);
     }
-    tell(place) { // the values under the pointer
+    read(place) { // the values under the pointer
       const points = this.found.points;
       if (!points.length) return;
       let low = 0, high = points.length - 1;
@@ -124,7 +124,7 @@
       const [at, when, measured, model, left] = points[low];
       this.pointer.hidden = false;
       this.pointer.style.left = `${this.share(at)}%`;
-      this.told.textContent = `${when}: measured ${measured}, model ${model}, left ${left}`;
+      this.readout.textContent = `${when}: measured ${measured}, model ${model}, left ${left}`;
     }
     zoom(range) {
       const span = this.fitted.span;
