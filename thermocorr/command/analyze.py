@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,6 +109,8 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     evaluated, more = None, list[str]()
     if folder is not None and answer.choice != "none":
         evaluated, more = _evaluated(best, X, y)
+    if report is not None and find_spec("matplotlib") is None:
+        more.append("the report has no pictures, for which matplotlib is needed: pip install matplotlib")
     answer = replace(answer, notes=(*answer.notes, *more))
     if report is not None:
         files.append(str(report))

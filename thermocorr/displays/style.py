@@ -55,6 +55,7 @@ STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "grid.color": GRID,
     "grid.linewidth": 0.7,
+    "text.parse_math": False,  # names are their writers'
     "svg.fonttype": "none",
 }
 """Style of matplotlib for every picture."""
