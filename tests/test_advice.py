@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
+from sklearn.base import clone
 
-from thermocorr import DynamicBiasRegressor, compare_variants, load_model
+from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, load_model
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Step
@@ -142,3 +143,25 @@ def test_longer_forecasts_from_before_a_late_step_are_unknown():
     longer = [column for column in table if str(column).startswith("from")]
     assert table.loc[[REFINED, *NEEDLESS], longer].isna().all(axis=None)
     assert table.loc[[REFINED, *NEEDLESS], "all"].notna().all()
+
+
+@pytest.mark.parametrize(("device", "seed"), [("layered", 6), ("slab", 5)])
+def test_errors_on_later_data_are_those_of_single_readings_by_hand(device, seed):
+    """A static law leaves what moves within the averages that errors are computed of: it counts as well.
+
+    Six stretches, each predicted from all before; the averages and the ridge make a few per cent.
+    """
+    record = make_record(12_000, device=device, seed=seed)
+    X, y = record[["temperature"]], record["reading"]
+    comparison = compare_variants(X, y, temperature="temperature", n_blocks=2)
+    edges = np.linspace(0, len(y), 81).astype(int)
+    for name in ("static linear", "dynamic linear"):
+        model, squares = clone(comparison.models[name]), []
+        model.set_params(time_constants=comparison.models[name].time_constants_.tolist())
+        for stop in range(32, 80, 8):
+            before, behind = slice(edges[stop]), slice(edges[stop], edges[stop + 8])
+            squares.append(np.mean((y[behind] - model.fit(X[before], y[before]).predict(X[behind])) ** 2))
+        by_hand = np.sqrt(np.exp(np.mean(np.log(squares))))
+        assert comparison.advice.table["all"][name] == pytest.approx(by_hand, rel=0.04)
+        fitted = comparison.models[name]
+        assert diagnose(fitted, X, y).later_rms == pytest.approx(by_hand, rel=0.04)

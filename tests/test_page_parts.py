@@ -11,11 +11,12 @@ import pytest
 import thermocorr.pages
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
+from thermocorr.displays.axes import labelled
 from thermocorr.displays.style import PALETTE, css, svg_of
 from thermocorr.displays.words import aspect_text, ends_text, interval_text, parameters_text, place_text, plain
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
 from thermocorr.pages import Answer, report_text
-from thermocorr.pages.html import number, with_unit
+from thermocorr.pages.html import number
 from thermocorr.pages.report import digits_down_to
 from thermocorr.records.numbers import scale_of, unit_text
 
@@ -70,7 +71,7 @@ def test_no_template_trusts_what_it_is_given(path):
 def test_a_number_of_a_page_has_the_unit_that_suits_it_and_keeps_its_value():
     assert number(6.2e-05, "mV") == '<data value="6.2e-05" class="n">62.00\u00a0nV</data>'
     scale = scale_of([0.0014, 0.00013], "mV")
-    assert with_unit("rms", scale.unit) == "rms [\u00b5V]"
+    assert labelled("rms", scale.unit) == "rms [\u00b5V]"
     assert number(0.00013, scale=scale) == '<data value="0.00013" class="n">0.1300</data>'
     assert number(0.00013, "mV", scale=scale) == '<data value="0.00013" class="n">0.1300\u00a0\u00b5V</data>'
 

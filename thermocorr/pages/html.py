@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from ..displays.axes import labelled
 from ..displays.words import aspect_text, better_text, effect_text, interval_text, place_text, plain
 from ..records.errors import printable
 from ..records.numbers import Scale, scale_of, span_text, unit_text
-from ..records.units import without_unit
 
 
 def rendered(template: str, **given: Any) -> str:
@@ -38,8 +38,8 @@ def _environment() -> Any:
         lstrip_blocks=True,
     )
     said = (
-        aspect_text, better_text, decibels, effect_text, interval_text, number, percent, place_text, probability,
-        span_text, unit_text, with_unit,
+        aspect_text, better_text, decibels, effect_text, interval_text, labelled, number, percent, place_text,
+        probability, span_text, unit_text,
     )  # fmt: skip
     environment.filters.update({function.__name__: function for function in said})
     return environment
@@ -73,11 +73,6 @@ def quantity(value: float, digits: int, scale: Scale) -> str:
     """A number and its unit with the signs of print."""
     shown = plain(float(value) * scale.factor, digits)
     return f"{shown}\u00a0{unit_text(scale.unit)}" if scale.unit else shown
-
-
-def with_unit(name: str, unit: str) -> str:
-    """A name with its unit in brackets: rms [mV]; a unit at the end of the name is not said twice."""
-    return f"{without_unit(name, unit)} [{unit_text(unit)}]" if unit else name
 
 
 def percent(value: float) -> Markup:

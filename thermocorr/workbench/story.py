@@ -43,7 +43,7 @@ from ..judgement.where import first_look
 from ..readers import Options, guess, is_counter
 from ..records import RecordError
 from ..records.errors import listing, noted, quoted
-from ..records.numbers import as_pandas, span_texts
+from ..records.numbers import as_pandas
 from ..records.types import kind_of
 from .files import exported, script
 from .log import Log, effects_in, quiet
@@ -352,18 +352,18 @@ class Story:
         if found is None:
             raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")
         low, high = (_number(end, "The end of a stretch") for end in (low, high))
-        places = np.concatenate([found.curves.places(part) for part in found.curves.parts()])
-        seconds = np.concatenate([part.seconds for part in found.curves.parts()])
-        row = np.concatenate([np.arange(len(found.y))[part.rows] for part in found.curves.parts()])
-        inside = np.flatnonzero((places >= low) & (places <= high))
+        parts = list(found.curves.parts())
+        places = np.concatenate([found.curves.places(part) for part in parts])
+        row = np.concatenate([np.arange(len(found.y))[part.rows] for part in parts])
+        inside = row[(places >= low) & (places <= high)]
         if not len(inside):
             raise ValueError("There are no rows in this stretch.")
-        rows = np.sort(row[inside])
+        rows, times = np.sort(inside), found.curves.record.times
         if not np.isfinite(np.delete(found.learned.to_numpy(float), rows)).any():
             raise ValueError("This stretch holds all readings that are learned from: leave a part of them in.")
         cuts = np.flatnonzero(np.diff(rows) != 1) + 1
         stretches = [[int(part[0]), int(part[-1]) + 1] for part in np.split(rows, cuts)]
-        where = _moments(found, inside[[0, -1]], seconds[inside[[0, -1]]])
+        where = " to ".join(times.label(int(inside[end])) for end in (0, -1))
         self._become([*self.acts, {"do": "leave_out", "text": f"leave out: {where}", "rows": stretches}])
 
     def drop(self, step: Any) -> None:
@@ -683,18 +683,6 @@ def _learned(found: Step, curves: Curves) -> np.ndarray:
 
 def _rms(values: np.ndarray) -> float:
     return rms(values[np.isfinite(values)])
-
-
-def _moments(found: Step, places: np.ndarray, seconds: np.ndarray) -> str:
-    """From when to when two rows lie: their places in the order of time, and seconds since the first row."""
-    line = found.curves.timeline
-    if line.samples:
-        return f"samples {places[0] + 1} to {places[1] + 1}"
-    if line.dates:
-        first, last = (pd.Timestamp(moment).round("s") for moment in line.times(seconds))
-        start, end = f"{first:%Y-%m-%d %H:%M:%S}", f"{last:%Y-%m-%d %H:%M:%S}"
-        return f"{start} to {end.removeprefix(f'{first:%Y-%m-%d} ')}"
-    return f"{' to '.join(span_texts(seconds))} after the first row"
 
 
 def _integer(value: Any, what: str, low: int, high: int) -> int:
