@@ -13,7 +13,7 @@ from browser import complaints, numbers, opened, prefer, requests
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.displays import ResidualsDisplay, SuspectsDisplay
+from thermocorr.displays import ErrorsDisplay, ResidualsDisplay, SuspectsDisplay
 from thermocorr.estimators.tables import VERDICTS
 from thermocorr.pages import Answer, report_text, write_report
 
@@ -223,6 +223,7 @@ def test_a_refinement_opens_on_its_last_model(browser, tmp_path):
     last = refinement.diagnoses[-1]
     html = (tmp_path / "refinement.html").read_text(encoding="utf-8")
     assert f'data-verdict="{last.verdict}"' in html and html.count("data-verdict=") == 1
+    assert ErrorsDisplay.from_refinement(refinement).to_svg() in html.split("</figure>")[0]
     opened(browser, tmp_path / "refinement.html")
     assert complaints(browser) == []
     expected = refinement.steps[["later_rms", "held_out_rms", "rms", "db", "low", "high"]].to_numpy()

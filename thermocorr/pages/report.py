@@ -189,9 +189,11 @@ def _errors(answer: Answer, model: DynamicBiasRegressor) -> Markup | str:
     if answer.steps is not None:
         errors = answer.steps.set_index("step")["error"]
         chosen = errors.index[-1]
-    if errors.notna().sum() == 0:
+    bars = ErrorsDisplay(errors, model.reading_.unit, floor, chosen or str(next(iter(errors.index), "")))
+    if advice is None and answer.steps is None and answer.refinement is not None:
+        bars = ErrorsDisplay.from_refinement(answer.refinement)
+    if bars.errors.notna().sum() == 0:
         return ""
-    bars = ErrorsDisplay(errors, model.reading_.unit, floor, chosen or errors.index[0])
     return picture(bars, 96 * bars.grid()["size"][1])
 
 
