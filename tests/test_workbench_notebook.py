@@ -12,7 +12,7 @@ import pytest
 from browser import complaints, resize
 from visitors import until
 
-from thermocorr import DynamicBiasRegressor, workbench
+from thermocorr import DynamicBiasRegressor, Thermometer, workbench
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate
 from thermocorr.judgement import Diagnosis
@@ -76,7 +76,8 @@ def test_what_cannot_be_done_is_said(desk):
 
 def test_the_script_repeats_the_model_with_settings_that_the_screen_does_not_show(data):
     X, y = data
-    given = DynamicBiasRegressor("temperature", [120.0, 1500.0], alpha=0.1, effects=[Covariate("mains")])
+    thermometer = Thermometer("temperature", noise=0.01)
+    given = DynamicBiasRegressor(thermometer, [120.0, 1500.0], alpha=0.1, effects=[Covariate("mains")])
     desk = Desk(Story.of(given, X, y), lambda message: None)
     desk.story.start()
     said = []

@@ -86,10 +86,9 @@ def _imports(story: Any, effects: list[Any]) -> list[str]:
             names.setdefault("thermocorr.effects", set()).add(type(effect).__name__)
     needed = story.log.code(None).split("(")[0]
     lines = [*(["import runpy"] if own else []), "import warnings", "", "import numpy as np", ""]
-    more = {"read_log"} if needed == "read_log" else set()
-    lines.append(
-        f"from thermocorr import {', '.join(sorted({'DynamicBiasRegressor', 'RecordWarning', 'diagnose'} | more))}"
-    )
+    used = {"DynamicBiasRegressor", "RecordWarning", "diagnose", *({"read_log"} & {needed})}
+    used |= {name for name in ("Sensor", "Thermometer") if f"{name}(" in repr(story.now.model.temperature)}
+    lines.append(f"from thermocorr import {', '.join(sorted(used))}")
     if needed.startswith("load_"):
         lines.append(f"from thermocorr.datasets import {needed}")
     lines += [f"from {module} import {', '.join(sorted(found))}" for module, found in sorted(names.items())]
