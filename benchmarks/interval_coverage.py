@@ -35,7 +35,7 @@ from thermocorr import DynamicBiasRegressor, RecordWarning
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
 from thermocorr.displays import StepResponseDisplay
-from thermocorr.estimators.uncertainty.signed import coverage_factor
+from thermocorr.model.budget import coverage_factor
 
 NOISE = 0.2  # standard deviation of the white part [ppm]
 GAIN = 10.0  # static sensitivity of the simulated devices [ppm/K]

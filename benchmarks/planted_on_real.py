@@ -25,8 +25,8 @@ from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import load_real_record
 from thermocorr.effects import CATALOGUE, StaticPolynomial, ThermalLag
 from thermocorr.effects.protocol import Effect
-from thermocorr.estimators.averages import averaged
 from thermocorr.judgement.score import Comparison
+from thermocorr.model.averages import averaged
 from thermocorr.records import Record, read_record
 from thermocorr.records.read import Layout
 

@@ -22,7 +22,7 @@ from common import asked, rms
 from thermocorr import DynamicBiasRegressor, compare_variants, refine
 from thermocorr.datasets import load_real_record
 from thermocorr.judgement import Refinement
-from thermocorr.pages import Answer
+from thermocorr.output.answer import Answer
 
 NAIVE = {
     "vhd200 run9": 0.1332, "vhd200 run15": 0.1465, "vhd200 run17": 0.3268, "vhd200 run10": 0.9308,

@@ -11,7 +11,7 @@ from thermocorr import DynamicBiasRegressor, RecordError, RecordWarning, TimeCon
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Interaction, LaggedCovariate, Periodic
 from thermocorr.effects.stream import equal_edges
-from thermocorr.estimators.fitting import sweep_effects
+from thermocorr.model.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 
 N = 1200

@@ -7,9 +7,9 @@ import pytest
 from thermocorr import DynamicBiasRegressor
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.displays.residual_displays import added_noise
 from thermocorr.effects import Covariate
 from thermocorr.equations import allan_deviation
+from thermocorr.output.residual_displays import added_noise
 
 
 def noisy(kelvin, seed):

@@ -10,7 +10,7 @@ from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, load_mo
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import Step
-from thermocorr.estimators.advice import NEEDLESS, REFINED, advise_refined
+from thermocorr.model.advice import NEEDLESS, REFINED, advise_refined
 
 N = 600
 

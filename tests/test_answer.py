@@ -10,10 +10,10 @@ import pytest
 from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.displays.words import page_width
 from thermocorr.effects import Covariate
-from thermocorr.pages import Answer, report_text
-from thermocorr.pages.answer import LINES
+from thermocorr.output.answer import LINES, Answer
+from thermocorr.output.report import report_text
+from thermocorr.output.words import page_width
 from thermocorr.workbench import Story
 from thermocorr.workbench.state import state_of
 

@@ -17,7 +17,7 @@ from thermocorr import (
 from thermocorr.datasets import load_real_record, make_record
 from thermocorr.effects import Covariate, LaggedCovariate
 from thermocorr.equations import allan_deviation
-from thermocorr.estimators import MergedRidge
+from thermocorr.model import MergedRidge
 from thermocorr.validation import held_out_residuals
 
 N = 300

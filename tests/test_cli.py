@@ -12,7 +12,7 @@ from thermocorr import __version__, load_model
 from thermocorr.__main__ import start
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.files.result_files import result_columns
+from thermocorr.output.results import result_columns
 
 
 @pytest.fixture

@@ -10,11 +10,11 @@ from sklearn.preprocessing import SplineTransformer
 from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.displays import WhereDisplay
-from thermocorr.displays.words import aspect_text, each_row, place_text
 from thermocorr.effects import Covariate, Effect, Hysteresis
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.wrap import TransformerEffect
 from thermocorr.firmware import export_c
+from thermocorr.output.words import aspect_text, each_row, place_text
 
 N = 10_000
 

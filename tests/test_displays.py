@@ -27,9 +27,9 @@ from thermocorr.displays import (
     VariantsDisplay,
     WhereDisplay,
 )
-from thermocorr.displays.axes import label_values, pyplot
 from thermocorr.effects import Delay, Drift
 from thermocorr.equations import allan_deviation, moving_average
+from thermocorr.output.axes import label_values, pyplot
 from thermocorr.records.numbers import scale_of
 
 pytestmark = pytest.mark.usefixtures("drawing")

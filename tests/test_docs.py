@@ -40,7 +40,7 @@ def test_every_equation_has_its_code_and_every_citation_its_equation(making):
     assert "thermocorr.equations.leastsquares.solve_ridge" in found[13]
     assert "thermocorr.equations.lags.decays" in found[18]
     assert "thermocorr.equations.lags.lag_differences" in found[19]
-    assert "thermocorr.estimators.regressor.DynamicBiasRegressor.correct" in found[24]
+    assert "thermocorr.model.regressor.DynamicBiasRegressor.correct" in found[24]
 
 
 def test_the_reader_of_citations_knows_how_they_are_written(making):

@@ -25,7 +25,7 @@ from thermocorr import (
     diagnose,
 )
 from thermocorr.effects import Covariate
-from thermocorr.estimators import MergedRidge
+from thermocorr.model import MergedRidge
 
 
 @pytest.fixture(scope="module")

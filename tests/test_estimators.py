@@ -12,7 +12,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from thermocorr import DiffusiveFeatures, DynamicBiasRegressor, TimeConstantSearch
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Effect, Interaction, LaggedCovariate, StaticPolynomial
-from thermocorr.estimators import MergedRidge
+from thermocorr.model import MergedRidge
 
 TIME_ORDER = "rows are samples in time: shuffled rows are another record, with other lags"
 WEIGHTS = "rows are samples in time: a weight of zero leaves out a reading and not its temperature, so that lags go on"

@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from thermocorr.files import OutputError, Outputs, write_file
+from thermocorr.output.writer import OutputError, Outputs, write_file
 
 
 def refusing(number=errno.EACCES):

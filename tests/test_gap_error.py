@@ -15,7 +15,7 @@ from thermocorr.datasets import make_record
 from thermocorr.effects import LaggedCovariate
 from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
-from thermocorr.estimators.input_errors import GapError, InputLaw, error_behind_gaps
+from thermocorr.model.input_errors import GapError, InputLaw, error_behind_gaps
 from thermocorr.records import Layout, read_record
 from thermocorr.records.gaps import Gaps
 

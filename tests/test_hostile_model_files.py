@@ -11,9 +11,9 @@ from effect_records import log
 
 from thermocorr import DynamicBiasRegressor, ModelFileError, RecordError, load_model, save_model
 from thermocorr.effects import Delay, Hysteresis, LaggedCovariate, ThermalLag
-from thermocorr.files import codec, model_file
-from thermocorr.files.codec import parse
-from thermocorr.files.model_file import signed as sign
+from thermocorr.output import codec, model_file
+from thermocorr.output.codec import parse
+from thermocorr.output.model_file import signed as sign
 
 
 def readings(X):
@@ -157,7 +157,7 @@ def test_800_forged_files_with_a_fitting_digest_are_refused_or_still_compute(vic
     forbidden = lambda *args, **kwargs: pytest.fail("a model file made something run")  # noqa: E731
     monkeypatch.setattr(os, "system", forbidden)
     monkeypatch.setattr("builtins.eval", forbidden)
-    monkeypatch.setattr("thermocorr.files.effect_nodes.importlib.import_module", forbidden)
+    monkeypatch.setattr("thermocorr.output.effect_nodes.importlib.import_module", forbidden)
     everywhere = [place for place in places(content) if place and place[0] in ("model", "errors")]
     plain = [place for place in everywhere if not any(part in ("ticks", "columns", "half", "last") for part in place)]
     rng, refused, strange = random.Random(2), [], []

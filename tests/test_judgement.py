@@ -9,9 +9,9 @@ from scipy.linalg import toeplitz
 from thermocorr import DynamicBiasRegressor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.equations.noise import Bands, fitted_parts
-from thermocorr.estimators.heteroscedasticity import evenness
 from thermocorr.judgement.scan import best_period, filtered, step_gains
 from thermocorr.judgement.score import Comparison
+from thermocorr.model.heteroscedasticity import evenness
 
 
 def test_the_noise_of_segments_is_told_apart_into_white_and_wandering():

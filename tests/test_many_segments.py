@@ -9,7 +9,7 @@ from thermocorr.effects import InitialTransient, SeveralSteps, StaticPolynomial,
 from thermocorr.effects.stream import equal_edges, own_starts, walk
 from thermocorr.equations import TriangularFactor
 from thermocorr.equations.leastsquares import solve_ridge
-from thermocorr.estimators.fitting import sweep_effects
+from thermocorr.model.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 
 pytestmark = pytest.mark.newest

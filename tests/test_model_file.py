@@ -15,8 +15,8 @@ from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_mo
 from thermocorr.datasets import make_record
 from thermocorr.effects import Covariate, Effect, LaggedCovariate
 from thermocorr.equations import LagState, lag_differences
-from thermocorr.files.codec import pack, parse, render, unpack
-from thermocorr.files.model_file import signed as sign
+from thermocorr.output.codec import pack, parse, render, unpack
+from thermocorr.output.model_file import signed as sign
 
 
 def readings(X, seed=0):

@@ -6,7 +6,7 @@ from sklearn.linear_model import Ridge
 
 from thermocorr import DynamicBiasRegressor, diagnose, refine
 from thermocorr.datasets import make_record
-from thermocorr.estimators.out_of_sample import BLOCKS, PIECES, RIDGE, OutOfSample, later_pieces
+from thermocorr.model.out_of_sample import BLOCKS, PIECES, RIDGE, OutOfSample, later_pieces
 
 N = 1600
 

@@ -8,19 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import thermocorr.pages
+import thermocorr.output
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import make_record
-from thermocorr.displays.axes import labelled
-from thermocorr.displays.style import PALETTE, css, svg_of
-from thermocorr.displays.words import aspect_text, ends_text, interval_text, parameters_text, place_text, plain
 from thermocorr.effects import Disturbance, Events, Hinge, Hysteresis, SeveralSteps, Step
-from thermocorr.pages import Answer, report_text
-from thermocorr.pages.html import number
-from thermocorr.pages.report import digits_down_to
+from thermocorr.output.answer import Answer
+from thermocorr.output.axes import labelled
+from thermocorr.output.html import number
+from thermocorr.output.report import digits_down_to, report_text
+from thermocorr.output.style import PALETTE, css, svg_of
+from thermocorr.output.words import aspect_text, ends_text, interval_text, parameters_text, place_text, plain
 from thermocorr.records.numbers import scale_of, unit_text
 
-TEMPLATES = Path(thermocorr.pages.__file__).parent / "templates"
+TEMPLATES = Path(thermocorr.output.__file__).parent / "templates"
 
 # ---- text
 

@@ -7,7 +7,7 @@ import pytest
 
 from thermocorr import DynamicBiasRegressor, compare_variants, refine
 from thermocorr.datasets import make_record
-from thermocorr.estimators.progress import reporting
+from thermocorr.model.progress import reporting
 from thermocorr.validation import held_out_residuals
 
 
@@ -64,7 +64,7 @@ def test_an_interrupt_leaves_no_bar(log, monkeypatch):
     def stopped(model, X, known):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("thermocorr.estimators.holdout.unlearned", stopped)
+    monkeypatch.setattr("thermocorr.model.out_of_sample.unlearned", stopped)
     with pytest.raises(KeyboardInterrupt):
         held_out_residuals(MODEL, *log, progress=True)
     assert shown.getvalue().endswith("\r")

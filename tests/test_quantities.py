@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordError, RecordWarning
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
-from thermocorr.files.model_file import load, save
 from thermocorr.firmware import export_c
-from thermocorr.pages import Answer, report_text
+from thermocorr.output.answer import Answer
+from thermocorr.output.model_file import load, save
+from thermocorr.output.report import report_text
 from thermocorr.records.numbers import (
     SPANS,
     UNKNOWN,

@@ -14,8 +14,9 @@ from thermocorr import DynamicBiasRegressor, compare_variants, diagnose, refine
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.displays import ErrorsDisplay, ResidualsDisplay, SuspectsDisplay
-from thermocorr.estimators.tables import VERDICTS
-from thermocorr.pages import Answer, report_text, write_report
+from thermocorr.model.tables import VERDICTS
+from thermocorr.output.answer import Answer
+from thermocorr.output.report import report_text, write_report
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from thermocorr import (
 )
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Step
-from thermocorr.estimators.averages import rms
 from thermocorr.judgement.data import record_of
 from thermocorr.judgement.refine import with_missing
+from thermocorr.model.averages import rms
 
 NOISE = 0.2
 TIMES = ["5 min", "90 min"]

@@ -77,7 +77,7 @@ def test_all_sets_of_a_pool_are_tried_and_forward_steps_come_close(lab, monkeypa
 
     of_pairs = least(every)
     assert least(pool, method="cross_validation", count=2) == pytest.approx(of_pairs, rel=1e-10)
-    monkeypatch.setattr("thermocorr.estimators.time_constants.search.EXHAUSTIVE_LIMIT", 0)
+    monkeypatch.setattr("thermocorr.model.search.EXHAUSTIVE_LIMIT", 0)
     assert least(pool, method="cross_validation", count=2) >= of_pairs * 1.003  # scores are negative: within 0.3 %
 
 

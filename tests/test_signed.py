@@ -12,8 +12,8 @@ from noisy import TIMES, device
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, RecordWarning, Sensor, diagnose
 from thermocorr.datasets import make_record
 from thermocorr.datasets._devices import make_device
-from thermocorr.estimators.uncertainty import signed as signed_values
-from thermocorr.estimators.uncertainty.signed import Budget, BudgetLine, concise, coverage_factor
+from thermocorr.model import budget as signed_values
+from thermocorr.model.budget import Budget, BudgetLine, concise, coverage_factor
 
 
 @pytest.fixture(scope="module")

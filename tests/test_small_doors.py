@@ -10,11 +10,11 @@ from firmware_runs import ambient, fitted, needs_gcc
 
 from thermocorr import DynamicBiasRegressor, ModelFileError
 from thermocorr.effects import Covariate, Drift, LaggedCovariate, Periodic, Rate
-from thermocorr.files.codec import parse
-from thermocorr.files.effect_nodes import EffectCodec
-from thermocorr.files.model_file import _model_of, content_of, signed
 from thermocorr.firmware import export_c
 from thermocorr.firmware.names import comment
+from thermocorr.output.codec import parse
+from thermocorr.output.effect_nodes import EffectCodec
+from thermocorr.output.model_file import _model_of, content_of, signed
 from thermocorr.records.errors import printable
 
 OF_THE_CODE = """

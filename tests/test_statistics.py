@@ -18,7 +18,7 @@ from thermocorr.datasets import make_record
 from thermocorr.displays import AllanDisplay
 from thermocorr.equations import allan_deviation, moving_average, reduction_db, regular_cells
 from thermocorr.equations.allan import edf_overlapping
-from thermocorr.estimators import MergedRidge
+from thermocorr.model import MergedRidge
 
 
 def naive(values, window):

@@ -10,7 +10,7 @@ from thermocorr.effects import StaticPolynomial, ThermalLag
 from thermocorr.effects.stream import equal_edges
 from thermocorr.equations import TriangularFactor, lag_differences, solve_ridge
 from thermocorr.equations.leastsquares import BorderedFactor
-from thermocorr.estimators.fitting import sweep_effects
+from thermocorr.model.fitting import sweep_effects
 from thermocorr.records import Layout, read_record
 
 SHARED = [0, 1, 2, 3]

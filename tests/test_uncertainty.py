@@ -11,10 +11,10 @@ from sklearn.base import clone
 
 from thermocorr import DynamicBiasRegressor, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
-from thermocorr.estimators import binned
-from thermocorr.estimators.uncertainty.covariance import BandSums
-from thermocorr.estimators.uncertainty.joint import NoiseModel
-from thermocorr.estimators.uncertainty.signed import coverage_factor
+from thermocorr.model import averages as binned
+from thermocorr.model.budget import coverage_factor
+from thermocorr.model.covariance import BandSums
+from thermocorr.model.uncertainty import NoiseModel
 
 pytestmark = pytest.mark.newest
 

@@ -10,7 +10,9 @@ from ._version import __version__
 
 if TYPE_CHECKING:
     from . import workbench
-    from .estimators import (
+    from .judgement import diagnose, refine
+    from .live import OnlineCorrector
+    from .model import (
         DiffusiveFeatures,
         DynamicBiasRegressor,
         Sensor,
@@ -18,19 +20,17 @@ if TYPE_CHECKING:
         TimeConstantSearch,
         compare_variants,
     )
-    from .files.codec import ModelFileError
-    from .files.model_file import load_model, save_model
-    from .judgement import diagnose, refine
-    from .live import OnlineCorrector
+    from .output.codec import ModelFileError
+    from .output.model_file import load_model, save_model
     from .readers import read_log
     from .records import RecordError, RecordWarning
 
 _ROOMS = {
-    "estimators": (
+    "model": (
         "DiffusiveFeatures", "DynamicBiasRegressor", "Sensor", "Thermometer", "TimeConstantSearch", "compare_variants",
     ),
-    "files.codec": ("ModelFileError",),
-    "files.model_file": ("load_model", "save_model"),
+    "output.codec": ("ModelFileError",),
+    "output.model_file": ("load_model", "save_model"),
     "judgement": ("diagnose", "refine"),
     "live": ("OnlineCorrector",),
     "readers": ("read_log",),

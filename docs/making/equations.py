@@ -40,7 +40,7 @@ PUBLIC = (
     "thermocorr.datasets",
     "thermocorr.equations",
     "thermocorr.records",
-    "thermocorr.estimators",
+    "thermocorr.model",
     "thermocorr.judgement",
 )
 """Modules whose names the reference describes, in the order in which it looks for them."""

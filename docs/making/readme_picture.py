@@ -12,9 +12,9 @@ import matplotlib.pyplot as plt
 
 from thermocorr import DynamicBiasRegressor
 from thermocorr.datasets import load_voltage_reference
-from thermocorr.displays.axes import legend_above
-from thermocorr.displays.style import BLUE, ORANGE, PURPLE, STYLE, VERMILION
 from thermocorr.equations import moving_average
+from thermocorr.output.axes import legend_above
+from thermocorr.output.style import BLUE, ORANGE, PURPLE, STYLE, VERMILION
 
 
 def main(path: str) -> None:

@@ -9,9 +9,9 @@ from effect_records import log
 from thermocorr import DynamicBiasRegressor, ModelFileError, load_model, save_model
 from thermocorr.effects import CATALOGUE, Delay, Effect, SeveralSteps
 from thermocorr.effects.signals import DelayState
-from thermocorr.files.codec import pack, unpack
-from thermocorr.files.effect_nodes import check_state
-from thermocorr.files.model_file import signed
+from thermocorr.output.codec import pack, unpack
+from thermocorr.output.effect_nodes import check_state
+from thermocorr.output.model_file import signed
 
 
 @pytest.fixture(scope="module")

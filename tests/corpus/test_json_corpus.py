@@ -15,8 +15,8 @@ import pytest
 
 from corpus.clean_log import CLEAN, HEADER, Shown, frame_of, save_fitted, text_of
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
-from thermocorr.files.codec import parse, read
-from thermocorr.files.model_file import signed
+from thermocorr.output.codec import parse, read
+from thermocorr.output.model_file import signed
 from thermocorr.records.hints import RunLabel
 
 

@@ -14,15 +14,16 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ..displays.residual_displays import added_noise
 from ..equations import reduction_db
-from ..estimators import DynamicBiasRegressor, VariantComparison, compare_variants
-from ..estimators.advice import SIMPLER
-from ..estimators.progress import Progress, has_bars, reporting
-from ..files import Outputs
-from ..files.result_files import write_corrected, write_model
 from ..judgement import Diagnosis, Refinement, diagnose, refine
-from ..pages import Answer, report_text
+from ..model import DynamicBiasRegressor, VariantComparison, compare_variants
+from ..model.advice import SIMPLER
+from ..model.progress import Progress, has_bars, reporting
+from ..output.answer import Answer
+from ..output.report import report_text
+from ..output.residual_displays import added_noise
+from ..output.results import write_corrected, write_model
+from ..output.writer import Outputs
 from ..records import RecordError, RecordWarning
 from ..records.errors import noted
 from ..records.numbers import span_text, unit_text

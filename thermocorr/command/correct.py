@@ -16,12 +16,12 @@ from typing import Any, BinaryIO
 
 import pandas as pd
 
-from ..estimators import DynamicBiasRegressor
-from ..estimators.unit_guard import UnitGuard
-from ..files import Outputs
-from ..files.model_file import load
-from ..files.result_files import write_csv
 from ..live.corrector import OnlineCorrector
+from ..model import DynamicBiasRegressor
+from ..model.checks import UnitGuard
+from ..output.model_file import load
+from ..output.results import write_csv
+from ..output.writer import Outputs
 from ..readers import RUN, Options, read_logs
 from ..readers.clocks import Clock
 from ..readers.growing import Growing

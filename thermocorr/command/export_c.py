@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callable[[str], Any]) -> None:
     """Load the model, write the files."""
-    from ..files.model_file import load
+    from ..output.model_file import load
 
     progress(f"Loading {options.model}")
     model = load(options.model)

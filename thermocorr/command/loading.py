@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..estimators import DynamicBiasRegressor
-from ..files.result_files import result_columns
+from ..model import DynamicBiasRegressor
+from ..output.results import result_columns
 from ..readers import RUN, Options, guess, is_counter, read_logs
 from ..records import RecordError
 from ..records.errors import listing, quoted, warn

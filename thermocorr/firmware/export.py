@@ -14,7 +14,7 @@ import numpy as np
 from ..effects import StaticPolynomial
 from ..effects.protocol import refuse_foresight
 from ..effects.stream import walk
-from ..files import Outputs
+from ..output.writer import Outputs
 from ..records import Record, Segment
 from ..records.errors import printable
 from .names import DEFAULT, comment, identifier, prefix

@@ -13,9 +13,9 @@ from ..effects import CATALOGUE, LagProducts, StaticPolynomial, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.wrap import as_effects
 from ..equations.noise import made_from, shows_the_same
-from ..estimators.averages import rms
-from ..estimators.reading import check_columns
-from ..estimators.regressor import DynamicBiasRegressor
+from ..model.averages import rms
+from ..model.reading import check_columns
+from ..model.regressor import DynamicBiasRegressor
 from ..records import Block, Record, RecordError, read_record
 from ..records.errors import listing, warn
 from ..records.history import in_memory

@@ -12,7 +12,6 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from ..displays.words import effect_text, parameters_text
 from ..effects import (
     CATALOGUE,
     Covariate,
@@ -25,11 +24,12 @@ from ..effects import (
 )
 from ..effects.grids import time_grid
 from ..effects.protocol import SINCE_START, TEMPERATURE_DIFFERENCE, Effect
-from ..estimators.averages import key_of
-from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
-from ..estimators.progress import Progress, one_blas_thread, reporting
-from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.tables import Grounds, verdict_on
+from ..model.averages import key_of
+from ..model.out_of_sample import GAIN, OutOfSample, Worth
+from ..model.progress import Progress, one_blas_thread, reporting
+from ..model.regressor import DynamicBiasRegressor
+from ..model.tables import Grounds, verdict_on
+from ..output.words import effect_text, parameters_text
 from ..records import Record
 from ..records.numbers import as_data
 from .data import (

@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..displays.words import effect_text, page_width
 from ..effects import CATALOGUE, Hinge, LaggedCovariate, ThermalLag
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..effects.wrap import as_effects
 from ..equations import reduction_db
-from ..estimators.progress import Progress, reporting
-from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.thermometers import Thermometers
-from ..pages import RefinementPage
+from ..model.progress import Progress, reporting
+from ..model.regressor import DynamicBiasRegressor
+from ..model.thermometers import Thermometers
+from ..output.report import RefinementPage
+from ..output.words import effect_text, page_width
 from ..records.errors import check_bool, check_int, printable, said_once
 from ..records.numbers import number_text, scale_of, unit_text
 from .diagnose import diagnose, out_of_sample
@@ -75,7 +75,7 @@ class Refinement(RefinementPage):
 
     def plot(self) -> Any:
         """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
-        from ..displays import plot_refinement
+        from ..output.diagnosis_displays import plot_refinement
 
         return plot_refinement(self)
 

@@ -13,7 +13,15 @@ import pandas as pd
 from scipy import stats
 from sklearn.base import clone
 
-from ..displays.words import (
+from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
+from ..effects.protocol import Effect
+from ..equations.noise import Kernel, inverse_kernel
+from ..model.averages import rms
+from ..model.heteroscedasticity import BURST
+from ..model.out_of_sample import OutOfSample
+from ..model.tables import VERDICTS
+from ..output.report import DiagnosisPage
+from ..output.words import (
     each_row,
     effect_text,
     left_sentences,
@@ -22,14 +30,6 @@ from ..displays.words import (
     suspect_sentence,
     worst_sentence,
 )
-from ..effects import Disturbance, InitialTransient, Periodic, SeveralSteps, Step
-from ..effects.protocol import Effect
-from ..equations.noise import Kernel, inverse_kernel
-from ..estimators.averages import rms
-from ..estimators.heteroscedasticity import BURST
-from ..estimators.out_of_sample import OutOfSample
-from ..estimators.tables import VERDICTS
-from ..pages import DiagnosisPage
 from ..records import Record, seconds_of
 from ..records.errors import printable
 from ..records.numbers import quantity_texts, scale_of
@@ -544,6 +544,6 @@ class Diagnosis(DiagnosisPage):
 
         `X`, the record, tells the units of its columns.
         """
-        from ..displays import plot_diagnosis
+        from ..output.diagnosis_displays import plot_diagnosis
 
         return plot_diagnosis(self, X)

@@ -20,13 +20,13 @@ import pandas as pd
 from scipy.special import chdtrc
 from sklearn.base import clone
 
-from ..displays.words import effect_text
 from ..effects import Covariate, Delay, Interaction, LaggedCovariate, LaggedModulation, Periodic
 from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
-from ..estimators.averages import averaged_copies, key_of
-from ..estimators.out_of_sample import GAIN, OutOfSample, Worth
-from ..estimators.surrogates import moved
+from ..model.averages import averaged_copies, key_of
+from ..model.out_of_sample import GAIN, OutOfSample, Worth
+from ..model.surrogates import moved
+from ..output.words import effect_text
 from ..records import Record
 from .levels import (
     ALIKE,

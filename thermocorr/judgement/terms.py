@@ -31,12 +31,12 @@ from ..effects.protocol import Effect
 from ..effects.thermal import seconds_array
 from ..equations import decays
 from ..equations.outliers import spikes
-from ..estimators.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
-from ..estimators.heteroscedasticity import evenness
-from ..estimators.out_of_sample import OutOfSample
-from ..estimators.regressor import DynamicBiasRegressor
-from ..estimators.run_levels import is_level
-from ..estimators.thermometers import resolution_of, thermometer_errors
+from ..model.averages import COARSE, Averages, averaged, averaged_columns, spans, sums_of
+from ..model.heteroscedasticity import evenness
+from ..model.out_of_sample import OutOfSample
+from ..model.regressor import DynamicBiasRegressor
+from ..model.runs import is_level
+from ..model.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
 from .data import ThermalBase
 from .levels import (

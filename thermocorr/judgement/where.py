@@ -13,8 +13,8 @@ import pandas as pd
 from ..effects import Covariate, Rate, ThermalLag
 from ..effects.protocol import Effect
 from ..equations import allan_deviation
-from ..estimators.averages import Averages, averaged
-from ..estimators.regressor import DynamicBiasRegressor, largest_lag
+from ..model.averages import Averages, averaged
+from ..model.regressor import DynamicBiasRegressor, largest_lag
 from ..records import Record
 from ..records.units import difference_unit
 from .data import record_of, residuals_of, suspect_record

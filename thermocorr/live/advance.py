@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..effects.stream import Sample, Walked, needed_columns, states_before, stepper_of, walk
-from ..estimators import DynamicBiasRegressor
-from ..estimators.input_errors import Felt
+from ..model import DynamicBiasRegressor
+from ..model.input_errors import Felt
 from ..records import Record, Segment, SegmentStart
 from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS

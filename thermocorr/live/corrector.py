@@ -13,8 +13,8 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.protocol import refuse_foresight
 from ..effects.thermal import column_text
 from ..equations import MovingAverage
-from ..estimators import DynamicBiasRegressor
-from ..estimators.unit_guard import UnitGuard
+from ..model import DynamicBiasRegressor
+from ..model.checks import UnitGuard
 from ..records import RecordError, read_record
 from ..records.errors import check_bool, quoted
 from ..records.numbers import as_data, is_frame

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from ..effects import Effect
-from ..estimators import DynamicBiasRegressor
-from ..files.codec import ModelFileError, read, write
-from ..files.effect_nodes import EffectCodec, check_state
+from ..model import DynamicBiasRegressor
+from ..output.codec import ModelFileError, read, write
+from ..output.effect_nodes import EffectCodec, check_state
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
 from ..records.hints import LARGEST, Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
 from .uncertain import LiveErrors

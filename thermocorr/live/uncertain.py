@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..equations import MovingAverage
-from ..estimators import DynamicBiasRegressor
-from ..estimators.uncertainty.joint import ErrorWalk
+from ..model import DynamicBiasRegressor
+from ..model.uncertainty import ErrorWalk
 from ..records import History
 
 

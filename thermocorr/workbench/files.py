@@ -8,9 +8,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ..effects.wrap import as_effects
-from ..files.model_file import content_of
-from ..files.result_files import write_csv
-from ..pages import Answer, report_text
+from ..output.answer import Answer
+from ..output.model_file import content_of
+from ..output.report import report_text
+from ..output.results import write_csv
 from ..records.errors import printable
 from .log import quiet
 

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..displays.residual_displays import conditions
-from ..displays.words import (
+from ..effects.thermal import column_text
+from ..model.tables import VERDICTS
+from ..output.html import percent_text, quantity
+from ..output.residual_displays import conditions
+from ..output.words import (
     HELPS,
     aspect_text,
     better_text,
@@ -23,9 +26,6 @@ from ..displays.words import (
     small_sentence,
     when_text,
 )
-from ..effects.thermal import column_text
-from ..estimators.tables import VERDICTS
-from ..pages.html import percent_text, quantity
 from ..readers import guess
 from ..records.errors import printable, times_word
 from ..records.numbers import Scale, number_text, scale_of, span_text, unit_text

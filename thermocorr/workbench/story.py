@@ -15,31 +15,25 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..displays import (
-    AgainstDisplay,
-    AllanDisplay,
-    ContributionsDisplay,
-    ErrorsDisplay,
-    ResidualsDisplay,
-    SuspectsDisplay,
-    WhereDisplay,
-)
-from ..displays.axes import Display
-from ..displays.curves import N_CELLS, Curves
-from ..displays.words import effect_text
 from ..effects import ThermalLag
 from ..effects.protocol import Effect
-from ..estimators import DynamicBiasRegressor
-from ..estimators.advice import NEEDLESS, Advice, advise, needless_rms
-from ..estimators.averages import rms
-from ..estimators.out_of_sample import OutOfSample
-from ..estimators.thermometers import Thermometers
-from ..estimators.variants import variants_of
-from ..files.effect_nodes import EffectCodec, import_path
 from ..judgement import Diagnosis, diagnose
 from ..judgement.diagnose import out_of_sample
 from ..judgement.refine import with_fitted_causes, with_missing
 from ..judgement.where import first_look
+from ..model import DynamicBiasRegressor
+from ..model.advice import NEEDLESS, Advice, advise, needless_rms
+from ..model.averages import rms
+from ..model.out_of_sample import OutOfSample
+from ..model.thermometers import Thermometers
+from ..model.variants import variants_of
+from ..output.axes import Display
+from ..output.curves import N_CELLS, Curves
+from ..output.diagnosis_displays import ErrorsDisplay, SuspectsDisplay, WhereDisplay
+from ..output.effect_nodes import EffectCodec, import_path
+from ..output.model_displays import ContributionsDisplay
+from ..output.residual_displays import AgainstDisplay, AllanDisplay, ResidualsDisplay
+from ..output.words import effect_text
 from ..readers import Options, guess, is_counter
 from ..records import RecordError
 from ..records.errors import listing, noted, quoted

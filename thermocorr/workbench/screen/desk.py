@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...displays import ResidualsDisplay
-from ...estimators import DynamicBiasRegressor
+from ...model import DynamicBiasRegressor
+from ...output.residual_displays import ResidualsDisplay
 from ...readers import Options
 from ...records import RecordError
 from ...records.numbers import scale_of, span_text

@@ -9,7 +9,7 @@ from importlib.resources import files
 from jinja2 import Environment
 from markupsafe import Markup
 
-from ...displays.style import css
+from ...output.style import css
 
 SCREEN = ("pictures.js", "panels.js", "workbench.js")
 PAGE = ("elements.js", "desk.js", "wire.js", *SCREEN, "start.js", "workbench.css")

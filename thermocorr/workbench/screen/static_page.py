@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from ...files import OutputError, Outputs
+from ...output.writer import OutputError, Outputs
 from ...records import RecordError
 from ...records.errors import way
 from . import page_assets

@@ -7,7 +7,7 @@ import contextlib
 from functools import partial
 from typing import Any
 
-from ...estimators import DynamicBiasRegressor
+from ...model import DynamicBiasRegressor
 from ..story import Story
 from . import page_assets
 from .desk import Desk

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from types import FrameType
 from typing import Any
 
-from ...estimators.progress import one_blas_thread
+from ...model.progress import one_blas_thread
 from .desk import LOOKS, Desk, Opening
 
 
