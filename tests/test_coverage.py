@@ -11,7 +11,7 @@ from firmware_runs import WARNINGS, compile_c, run_c
 from thermocorr import DynamicBiasRegressor, OnlineCorrector, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.firmware import export_c
-from thermocorr.model.coverage import Coverage
+from thermocorr.model.reading import Coverage
 from thermocorr.records import read_record
 from thermocorr.records.read import Layout
 

@@ -17,7 +17,7 @@ from thermocorr.equations import lag_differences
 from thermocorr.equations.lags import bridge_error
 from thermocorr.model.input_errors import GapError, InputLaw, error_behind_gaps
 from thermocorr.records import Layout, read_record
-from thermocorr.records.gaps import Gaps
+from thermocorr.records.history import Gaps
 
 TAUS = np.array([120.0, 900.0, 7200.0])
 

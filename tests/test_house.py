@@ -104,7 +104,7 @@ def test_no_floor_imports_a_higher_one(path):
         assert floor <= FLOORS[own], f"{path}:{line}: {own} (floor {FLOORS[own]}) imports {name}"
 
 
-EXTRAS = {"thermocorr.workbench.screen.server": "uvicorn", "thermocorr.workbench.screen.guard": "starlette"}
+EXTRAS = {"thermocorr.workbench.screen.server": "uvicorn"}
 """Modules that cannot be imported without an extra; whoever wants them says so."""
 
 

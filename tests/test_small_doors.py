@@ -11,7 +11,7 @@ from firmware_runs import ambient, fitted, needs_gcc
 from thermocorr import DynamicBiasRegressor, ModelFileError
 from thermocorr.effects import Covariate, Drift, LaggedCovariate, Periodic, Rate
 from thermocorr.firmware import export_c
-from thermocorr.firmware.names import comment
+from thermocorr.firmware.printer import comment
 from thermocorr.output.codec import parse
 from thermocorr.output.effect_nodes import EffectCodec
 from thermocorr.output.model_file import _model_of, content_of, signed

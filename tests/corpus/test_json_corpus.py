@@ -17,7 +17,7 @@ from corpus.clean_log import CLEAN, HEADER, Shown, frame_of, save_fitted, text_o
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, load_model, save_model
 from thermocorr.output.codec import parse, read
 from thermocorr.output.model_file import signed
-from thermocorr.records.hints import RunLabel
+from thermocorr.records.types import RunLabel
 
 
 @pytest.fixture(scope="module")

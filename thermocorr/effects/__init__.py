@@ -3,18 +3,22 @@
 from typing import Any
 
 from .catalogue import CATALOGUE
-from .covariates import Covariate, Interaction, LaggedCovariate, QuadraticCovariate, SaturatingCovariate
-from .disturbance import Disturbance
+from .covariates import (
+    Covariate,
+    Interaction,
+    LaggedCovariate,
+    LaggedModulation,
+    QuadraticCovariate,
+    SaturatingCovariate,
+)
 from .hinge import Hinge
 from .hysteresis import Hysteresis
-from .lead import Lead
-from .modulation import LaggedModulation
 from .periodic import Periodic
 from .products import LagProducts
 from .protocol import Effect, EffectInfo
-from .rates import Delay, Rate
+from .rates import Delay, Lead, Rate
 from .signals import Signals
-from .steps import Events, SensitivityStep, SeveralSteps
+from .steps import Disturbance, Events, SensitivityStep, SeveralSteps
 from .thermal import StaticPolynomial, ThermalLag
 from .time import Drift, LogAgeing, SensitivityDrift, Step
 from .transient import InitialTransient

@@ -17,8 +17,7 @@ from ..effects.stream import walk
 from ..output.writer import Outputs
 from ..records import Record, Segment
 from ..records.errors import printable
-from .names import DEFAULT, comment, identifier, prefix
-from .printer import Program, number, program_of
+from .printer import DEFAULT, Program, comment, identifier, number, prefix, program_of
 
 SAMPLES = 200
 """Rows of the fitted record that the self-test runs."""

@@ -17,10 +17,10 @@ from ..model.input_errors import Felt
 from ..records import Record, Segment, SegmentStart
 from ..records.gate import EMPTY, JUMP, Doubt, Gate
 from ..records.read import GAP_STEPS
-from ..records.segments import Flags
+from ..records.record import Flags
 from .clock import Clock
+from .samples import LiveErrors
 from .state import StreamState
-from .uncertain import LiveErrors
 
 SUSPECT_GAPS = 1000.0
 """A step of more than so many gaps is more likely a damaged time: hours for a log with a step of a second."""

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 
 from ..records import History, RecordError, seconds_of
-from ..records.hints import LARGEST
 from ..records.times import BEYOND, EARLIEST, LATEST, Times, date_of_text, span_of
+from ..records.types import LARGEST
 
 _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)

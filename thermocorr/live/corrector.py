@@ -25,6 +25,7 @@ from .samples import (
     NO_TEMPERATURE,
     Answers,
     Corrected,
+    LiveErrors,
     checked_label,
     column_of,
     one_number,
@@ -33,7 +34,6 @@ from .samples import (
     stretches,
 )
 from .state import StreamFile, StreamState, from_json, model_mark, to_json
-from .uncertain import LiveErrors
 
 
 class OnlineCorrector:

@@ -12,8 +12,8 @@ from ..model import DynamicBiasRegressor
 from ..output.codec import ModelFileError, read, write
 from ..output.effect_nodes import EffectCodec, check_state
 from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
-from ..records.hints import LARGEST, Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
-from .uncertain import LiveErrors
+from ..records.types import LARGEST, Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
+from .samples import LiveErrors
 
 Stand = Annotated[int, within(AGREED, BELIEVED_AGAIN)]
 Time = Annotated[Stamp, within(-LARGEST, LARGEST)]

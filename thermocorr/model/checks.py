@@ -16,8 +16,7 @@ from ..equations import RidgeSolution
 from ..records import Record, RecordError
 from ..records.errors import quoted, warn
 from ..records.units import ENOUGH, first_median, other_units, unit_of, unit_told_by, units_differ
-from .coverage import flat_columns
-from .reading import Reading
+from .reading import Reading, flat_columns
 from .search import unresolved
 
 FURTHEST_REACH = 1000.0

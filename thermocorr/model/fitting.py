@@ -19,8 +19,8 @@ from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..equations.leastsquares import WIDE, BorderedFactor
 from ..records import BLOCK_ROWS, Record, RecordError
 from .averages import Binned, Binning
-from .coverage import flat_effects
 from .progress import one_blas_thread
+from .reading import flat_effects
 
 
 class MergedRidge(RegressorMixin, BaseEstimator):

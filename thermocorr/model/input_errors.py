@@ -21,7 +21,7 @@ from ..effects.protocol import Effect
 from ..equations.lags import bridge_error
 from ..records import Block, Record, SegmentStart
 from ..records.errors import option, times_word
-from ..records.gaps import Gaps, least_gap, longest_gap
+from ..records.history import Gaps, least_gap, longest_gap
 
 SPOILT = 0.3
 """Share of the residuals' standard deviation from which a reading is neither learned from nor judged: it would raise

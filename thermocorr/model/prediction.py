@@ -20,8 +20,8 @@ from ..readers.form import Form
 from ..records import Block, Record, SegmentStart
 from ..records.gate import JUMP, Doubt
 from ..records.numbers import as_data, is_frame, numeric_column, numeric_reading
+from ..records.record import Flags
 from ..records.screen import left_out
-from ..records.segments import Flags
 from .checks import UnitGuard, learned_ranges
 from .features import DiffusiveFeatures
 from .fitting import standard_errors

@@ -23,14 +23,13 @@ from ..equations import MovingAverage
 from ..readers.form import Form
 from ..records import Block, Record, RecordWarning
 from ..records.errors import warn
-from ..records.segments import Flags
+from ..records.record import Flags
 from .checks import doubts_of
-from .coverage import Coverage
 from .features import THERMAL_CONSTRAINTS, DiffusiveFeatures
 from .fitting import MergedRidge, Swept, require_rows, standard_errors, sweep_effects
 from .input_errors import readings_left_out
 from .progress import one_blas_thread
-from .reading import Reading, check_corrected, check_plausible, like, no_flags
+from .reading import Coverage, Reading, check_corrected, check_plausible, like, no_flags
 from .runs import RunLevels, run_levels
 from .search import SearchSettings, TimeConstantChoice, search, spectrum_table
 from .signed import SignedModel

@@ -17,7 +17,7 @@ from ..effects.stream import equal_edges
 from ..effects.thermal import PLAIN, seconds_array
 from ..equations import RidgeSolution, TriangularFactor, solve_ridge
 from ..records import Record, RecordError
-from ..records.gaps import rows_apart
+from ..records.history import rows_apart
 from ..records.numbers import span_texts
 from .features import DiffusiveFeatures
 from .fitting import Swept, require_rows, standard_errors

@@ -15,7 +15,7 @@ from ..effects.signals import DelayState
 from ..effects.stream import Walked, resume, walk
 from ..equations import LagState, RidgeSolution
 from ..records import Block, History, Record
-from ..records.hints import Loose, Size, Sizes, Variance, Vector
+from ..records.types import Loose, Size, Sizes, Variance, Vector
 from ..records.units import difference_unit
 from .covariance import BandSums, Basis, Restricted, ScaledBasis, basis_of
 from .fitting import Swept

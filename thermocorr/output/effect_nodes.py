@@ -15,7 +15,7 @@ from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
 from ..equations.outliers import OVERLOAD
-from ..records.hints import LARGEST, Column, Large, Positive, Sizes, within
+from ..records.types import LARGEST, Column, Large, Positive, Sizes, within
 from .codec import ModelFileError, fields, number, pack, read, shown, text, unexpected, unpack, write
 
 LEARNED: dict[str, Any] = {

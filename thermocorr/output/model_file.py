@@ -34,10 +34,10 @@ from ..model.thermometers import Thermometer
 from ..model.uncertainty import JointErrors
 from ..readers.form import Form
 from ..records import History, seconds_of
-from ..records.hints import LARGEST, Counted, Large, Loose, Size, within
 from ..records.history import HEAD
 from ..records.read import temperature_column
 from ..records.times import EARLIEST, LATEST
+from ..records.types import LARGEST, Counted, Large, Loose, Size, within
 from .codec import LARGEST_FILE, ModelFileError, fields, parse, read, read_bytes, read_fields, render, write
 from .effect_nodes import EffectCodec, check_state
 from .writer import write_file

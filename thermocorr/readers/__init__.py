@@ -9,10 +9,10 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing
+from .cells import Options
 from .form import Form
-from .large import gathered
+from .growing import gathered
 from .log import as_runs, joined, read_one, refuse_other_clocks
-from .options import Options
 from .roles import RUN, Roles, guess, is_counter
 
 __all__ = ["RUN", "Form", "Options", "Roles", "guess", "is_counter", "read_log", "read_logs"]

@@ -12,8 +12,7 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import listing, option, quoted
 from ..records.times import steps_back_an_hour, summer_time_text
-from .cells import MOMENT, OF_DAY, ZONE, is_number, varies
-from .options import Options
+from .cells import MOMENT, OF_DAY, ZONE, Options, is_number, varies
 
 _MONTHS = {
     word: month

@@ -15,10 +15,9 @@ import pandas as pd
 
 from ..records import RecordError
 from ..records.errors import listing, option, quoted, times_word
-from .cells import COMMENTS, NO_VALUE, as_numbers, is_number, says_something, split
+from .cells import COMMENTS, NO_VALUE, SEPARATORS, as_numbers, is_number, says_something, split
 from .clocks import LOCAL, Clock
-from .lines import STAMPED, Template, rows_of
-from .options import SEPARATORS
+from .text import STAMPED, Template, rows_of
 
 _DIGITS: Any = {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
 """How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""

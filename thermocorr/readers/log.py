@@ -16,14 +16,12 @@ import pandas as pd
 from ..records import RecordError
 from ..records.errors import existing_file, listing, option, quoted, times_word
 from ..records.units import TEMPERATURES, unit_of, unit_of_text
-from .cells import MOMENT, as_numbers, is_number, refuse_thousands, says_something, split, varies
+from .cells import MOMENT, Options, as_numbers, is_number, refuse_thousands, says_something, split, varies
 from .clocks import FRACTIONS, Clock, as_seconds, find_clock, refuse_two_hours, unwrapped
 from .form import JSON, Form
-from .lines import STAMPED, find_templates
-from .options import Options
 from .roles import RUN, called_readings, refuse_words, run_among
 from .table import HEAD, find_table
-from .text import decoded, unpacked
+from .text import STAMPED, decoded, find_templates, unpacked
 
 FRAMES = (".parquet", ".pq", ".feather", ".arrow", ".xlsx", ".xlsm", ".ods", ".xls")
 """Endings of files that pandas reads."""

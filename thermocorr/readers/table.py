@@ -9,10 +9,9 @@ from dataclasses import replace
 from ..records import RecordError
 from ..records.errors import option, quoted, times_word
 from ..records.units import unit_of_text
-from .cells import COMMENTS, MOMENT, NUMBER, SAID_EMPTY, is_typed, split
+from .cells import COMMENTS, MOMENT, NUMBER, SAID_EMPTY, Options, is_typed, split
 from .clocks import COUNTERS, SPANS
 from .form import Form, header_of
-from .options import Options
 
 HEAD = 400_000
 """Characters of a text in which its form is looked for."""

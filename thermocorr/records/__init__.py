@@ -3,8 +3,7 @@
 from .errors import RecordError, RecordWarning
 from .history import History
 from .read import Layout, read_record
-from .record import BLOCK_ROWS, Block, Record
-from .segments import Segment, SegmentStart
+from .record import BLOCK_ROWS, Block, Record, Segment, SegmentStart
 from .times import seconds_of
 
 __all__ = [

@@ -21,10 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .hints import Number, Positive, Size
-from .record import Record
-from .segments import holes
+from .record import Record, holes
 from .times import Floats
+from .types import Number, Positive, Size
 
 JUMP = "jump"
 """Flag of a row in which an input is held back; reason why a fitted row is left out."""

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from sklearn.utils import column_or_1d
 
 from .errors import RecordError, listing, option, quoted, times_word, way
-from .hints import LARGEST
-from .types import Role, kind_of, require_role
+from .types import LARGEST, Role, kind_of, require_role
 
 MISSING = frozenset(("", "NA", "N/A", "n/a", "#N/A", "<NA>", "NaN", "nan", "-nan", "NULL", "null", "None"))
 """What stands in a cell of text where there is no value; blanks around it do not count."""

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from ..equations.outliers import ABSURD, ALL_CODES, CHUNK, MOST, OVERLOAD, Found, Usual, found_in, usual_of
 from .errors import RecordError, listing, quoted, times_word, way
 from .gate import JUMP, Gate, Motion, excursions
-from .hints import Column, Number, Stamp
 from .numbers import is_frame, numeric_column, numeric_reading
 from .record import Record, Refused
 from .times import Floats
+from .types import Column, Number, Stamp
 from .units import OtherUnit, first_median, unit_told_by
 
 _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of the record's size

@@ -13,8 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import RecordError, option, quoted, way
-from .hints import LARGEST, Check, Counted, Positive
-from .types import kind_of
+from .types import LARGEST, Check, Counted, Positive, kind_of
 
 UNIX = (9.4e8, 2.6e9)
 """Unix times in seconds, 1999 to 2052."""
