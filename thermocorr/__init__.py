@@ -1,4 +1,4 @@
-"""Thermal bias of precise instruments: learn it from a log, remove it, and find what is still missing.
+"""Learn and remove the thermal bias of precise instruments.
 
 Pictures are in `thermocorr.displays`, checks on data that a model has not seen in `thermocorr.validation`.
 """

@@ -1,11 +1,11 @@
-"""The command, as ``thermocorr`` and ``python -m thermocorr`` begin it."""
+"""The command's entry point."""
 
 import os
 import sys
 
 
 def start() -> int:
-    """Run the command; an interrupt while its first modules load ends it in one line too.
+    """Run the command, interrupts included.
 
     OpenBLAS is kept to one thread unless the environment says otherwise: matrices are small, and a tenth of the
     processor time was threads that waited for work.

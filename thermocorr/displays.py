@@ -1,4 +1,4 @@
-"""Pictures: each answers one question at a glance. `frame()` has the numbers, `plot()` draws (extra "plot")."""
+"""Pictures: `frame()` has the numbers, `plot()` draws (extra "plot")."""
 
 from .output.diagnosis_displays import (
     ErrorsDisplay,

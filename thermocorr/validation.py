@@ -1,4 +1,4 @@
-"""Checks of a model on data that it has not seen, and of what errors of the thermometers make in it."""
+"""Checks of a model on unseen data, and of its thermometers."""
 
 from .model import held_out_residuals, thermometer_errors
 

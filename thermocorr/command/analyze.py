@@ -1,4 +1,4 @@
-"""`thermocorr analyze`: from a log to the table, the corrected log and the fitted model."""
+"""`thermocorr analyze`: from a log to a corrected one."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
 
 
 def _chosen(answer: Answer, comparison: VariantComparison, judged: Judged) -> DynamicBiasRegressor:
-    """The model of the answer; where no correction is advised, the one that was judged."""
+    """The answer's model, or the judged one."""
     if answer.refined and judged.refinement is not None:
         return judged.refinement.model_
     return comparison.models[answer.asked or answer.begun]
@@ -174,7 +174,7 @@ def _best_judged(
     options: argparse.Namespace,
     progress: Progress,
 ) -> tuple[str, Judged]:
-    """The first of some variants with its judgement; a refinement of a later one that is better by `SIMPLER`."""
+    """The best judged variant, simple ones first."""
     best, judged = starts[0], _judge(comparison.models[starts[0]], X, y, options, progress)
     for name in starts[1:] if options.refine else ():
         other = _judge(comparison.models[name], X, y, options, progress)

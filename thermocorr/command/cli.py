@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(given: list[str]) -> argparse.Namespace:
-    """Read the arguments; the named command's module is loaded, the others are not."""
+    """Read the arguments, loading the named command alone."""
     parser = argparse.ArgumentParser(
         prog="thermocorr", description="Learn and remove the dynamic thermal bias of precise instruments."
     )
@@ -56,7 +56,7 @@ def _options(given: list[str]) -> argparse.Namespace:
 
 
 def _executed(options: argparse.Namespace) -> int:
-    """Run a command; whatever ends it is one sentence on standard error, and an exit status."""
+    """Run a command; errors become a sentence and a status."""
     from ..records.errors import RecordError, as_command
 
     try:
@@ -96,7 +96,7 @@ def _ended(text: str, status: int) -> int:
 
 @contextlib.contextmanager
 def _warnings_as_notes() -> Iterator[None]:
-    """Python's warnings as notes on standard error, each once: no paths of source files."""
+    """Warnings as notes on standard error, once each."""
     said: set[str] = set()
 
     def show(message: Any, *_: Any, **__: Any) -> None:
@@ -114,7 +114,7 @@ def _warnings_as_notes() -> Iterator[None]:
 
 
 def _say(text: str) -> None:
-    """Print to standard output, as long as somebody reads there: files are written all the same."""
+    """Print, as long as somebody reads."""
     from ..records.errors import printable
 
     text, encoding = printable(text, "\n"), sys.stdout.encoding or "utf-8"
@@ -129,13 +129,13 @@ def _say(text: str) -> None:
 
 
 def _abandon_output() -> None:
-    """Let what is still to be printed go nowhere: a flush at the end of the process would fail again."""
+    """Drop output that nobody reads."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def show_progress(text: str) -> None:
-    """One line on standard error that the next one replaces; plain lines where it is not a terminal."""
+    """One line of progress that the next one replaces."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
     else:

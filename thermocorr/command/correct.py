@@ -1,4 +1,4 @@
-"""`thermocorr correct`: a log through a fitted model, a whole file, or line by line."""
+"""`thermocorr correct`: a log through a fitted model."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, say: Callable[[str], None], progress: Callable[[str], None]) -> int:
-    """Correct the log: results to standard output or --out, what is wrong with it to standard error.
+    """Correct the log, to standard output or --out.
 
     Returns 1 where rows were left out or refused for their time, else 0.
     """
@@ -106,7 +106,7 @@ def _complain(text: str) -> None:
 
 
 def _whole(live: OnlineCorrector, options: argparse.Namespace, path: Path) -> int:
-    """Read a file as the model's log was written, or as it shows itself, and write it with its results."""
+    """Read a whole file, and write it with results."""
     columns = Columns.of(live.model, options)
     with Outputs([options.model, path], options.force) as outputs:
         if options.out is not None:
@@ -126,7 +126,7 @@ def _whole(live: OnlineCorrector, options: argparse.Namespace, path: Path) -> in
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of a log under the names of the fitted record."""
+    """The columns of a log, named as in the fitted record."""
 
     model: DynamicBiasRegressor
     how: Options
@@ -157,7 +157,7 @@ class Columns:
         return [*(str(self.called.get(name, name)) for name in names), self.reading]
 
     def read(self, path: Path) -> pd.DataFrame:
-        """A whole file, in the form of the fitted log where it is written so and the options say nothing else."""
+        """A whole file, in the fitted log's form if it can."""
         form = None if self.how.given().keys() - {"reading", "run"} else self.model.form_
         log = read_logs([path], self.how, form)
         if self.model.time in log.columns and self.how.time is None and form is None:
@@ -165,7 +165,7 @@ class Columns:
         return log
 
     def as_fitted(self, log: pd.DataFrame, file: str) -> tuple[pd.DataFrame, pd.Series[Any]]:
-        """X and y as the model was fitted to; RecordError for columns that the log lacks, and times of another kind."""
+        """X and y as the model needs them, or RecordError."""
         model, thermometers = self.model, self.model.thermometers_
         for name in dict.fromkeys([*thermometers, *model.features_.history_.record.columns, self.reading]):
             column = self.called.get(name, name)
@@ -191,7 +191,7 @@ class Columns:
         return X, y
 
     def _with_times(self, X: pd.DataFrame) -> pd.DataFrame:
-        """The frame with times of the fitted kind, where the model looks for them."""
+        """The frame with times as the model has them."""
         kind, times = self.model.features_.history_.kind, X.index
         if kind == "rows":
             return X
@@ -217,7 +217,7 @@ class Columns:
 
 
 def _say_flags(model: DynamicBiasRegressor, flags: pd.Series[Any], corrected: pd.Series[Any]) -> None:
-    """Say how many rows got no result, and how many are flagged, where these are many; with advice."""
+    """Say how many rows were refused or flagged."""
     without = Counter(flags[corrected.isna()])
     if without:
         reasons = ", ".join(f"{count} {why}" for why, count in without.most_common())
@@ -299,12 +299,12 @@ def _answer(rows: pd.DataFrame, results: pd.DataFrame, header: bool) -> None:
 
 
 def _opened(log: str) -> BinaryIO:
-    """Standard input, of which a second name is closed, or the file."""
+    """Standard input or the file."""
     return os.fdopen(os.dup(sys.stdin.fileno()), "rb") if log == "-" else existing_file(log).open("rb")
 
 
 def _pieces(source: Any, follow: bool, name: str) -> Iterator[bytes]:
-    """What a log has, as it comes; of one that is followed also what is still to come."""
+    """A log's pieces as they come."""
     while True:
         piece = source.read1(AT_ONCE)
         if piece:

@@ -1,4 +1,4 @@
-"""Write a fitted model as C99 source for a microcontroller: header, source and a self-test with reference values."""
+"""`thermocorr export-c`: a fitted model as C99."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of the commands for tables, times and columns, and the log that they load."""
+"""Options for tables, times and columns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..records.units import DEGREES, unit_of
 
 
 def number_or_span(text: str) -> float | str:
-    """Seconds as a number; a span such as 15s, or a word, as it stands."""
+    """Seconds as a number; anything else as given."""
     try:
         return float(text)
     except ValueError:
@@ -25,10 +25,10 @@ def number_or_span(text: str) -> float | str:
 
 
 class OneColumn(argparse.Action):
-    """An option that names one column: named another time it is refused, where the last one would count."""
+    """An option that names one column, once."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        """Take the name; ArgumentError, which argparse tells the user, for a second one."""
+        """Take the name; ArgumentError for a second."""
         before = getattr(namespace, self.dest)
         if before is not None and before != values:
             raise argparse.ArgumentError(
@@ -211,7 +211,7 @@ def check_time_constants(options: argparse.Namespace) -> None:
 
 
 def parse_time_constants(text: str) -> Any:
-    """``6`` is how many to choose, ``auto`` is auto, ``60,15min,2h`` is a list; ``3600s`` is a list of one."""
+    """``6``, ``auto``, or a list: ``60,15min,2h``."""
     if text == "auto":
         return "auto"
     if text.isdigit():

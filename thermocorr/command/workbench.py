@@ -1,4 +1,4 @@
-"""`thermocorr workbench`: a log on a screen in the browser: see what is missing, add it, watch the error fall."""
+"""`thermocorr workbench`: a log on a screen in the browser."""
 
 from __future__ import annotations
 

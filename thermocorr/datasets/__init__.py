@@ -1,4 +1,4 @@
-"""Records to try things on: simulated by heat conduction with a known truth, and measured ones."""
+"""Records to try things on, simulated and measured."""
 
 from ._devices import Device
 from ._heat import HeatStack, Layer

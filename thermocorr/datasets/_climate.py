@@ -1,4 +1,4 @@
-"""Temperature histories of a laboratory, the open air and a chamber, and what else a logger records.
+"""Simulated temperatures, and what else a logger records.
 
 Every history is a function of the sample times [s since the start], so steps may be irregular, and of a numpy
 Generator, so that each column of a record has its own stream.
@@ -22,7 +22,7 @@ HOUR = 3_600.0  # [s]
 
 @dataclass(frozen=True)
 class LabClimate:
-    """Parameters of a laboratory's air temperature; amplitudes in K unless said otherwise."""
+    """A laboratory's air temperature; amplitudes in K."""
 
     mean: float = 22.5  # [degC]
     weather: float = 0.5  # standard deviation of what walls and windows let in
@@ -35,7 +35,7 @@ class LabClimate:
 
 
 def smooth_noise(rng: np.random.Generator, time: Array, time_constant: float) -> Array:
-    """Stationary Gaussian noise of unit variance at `time` [s]: white noise through two equal lags."""
+    """Stationary Gaussian noise of unit variance at `time` [s]."""
     span = float(time[-1] - time[0])
     step = max(time_constant / 10, span / max(time.size - 1, 1) if span > 0 else time_constant / 10)
     burn_in = int(np.ceil(10 * time_constant / step))
@@ -48,14 +48,14 @@ def smooth_noise(rng: np.random.Generator, time: Array, time_constant: float) ->
 
 
 def follow(time: Array, driver: Array, time_constant: float) -> Array:
-    """Follow `driver` with one lag, eq. (17), from equilibrium; exact if it is linear between samples."""
+    """Follow `driver` with one lag, eq. (17), from equilibrium."""
     rates = np.array([1.0 / time_constant])
     later = modal_differences(rates, np.diff(time), np.diff(driver), np.zeros(1))[:, 0]
     return np.asarray(driver + np.concatenate([[0.0], later]))
 
 
 def working_hours(time: Array, weekday: float, time_of_day: float) -> NDArray[np.bool_]:
-    """Tell working hours, 8 h to 18 h, Monday to Friday; the record starts at that weekday (0 is Monday)."""
+    """True in working hours, 8 h to 18 h, Monday to Friday."""
     hours = (weekday * DAY + time_of_day + time) / HOUR
     return np.asarray((hours % 24 >= 8) & (hours % 24 < 18) & (hours // 24 % 7 < 5))
 
@@ -67,7 +67,7 @@ def _weekend(time: Array, weekday: float, time_of_day: float) -> NDArray[np.bool
 
 
 def _cycling(rng: np.random.Generator, time: Array, period: float) -> Array:
-    """Uneven wave of an air conditioner whose period and strength wander with its load, unit amplitude."""
+    """Uneven wave of an air conditioner, unit amplitude."""
     momentary = period * np.exp(0.2 * smooth_noise(rng, time, 2 * HOUR))
     turns = np.concatenate([[0.0], np.cumsum(np.diff(time) / momentary[1:])])
     angle = 2 * np.pi * (turns + rng.uniform())
@@ -78,7 +78,7 @@ def _cycling(rng: np.random.Generator, time: Array, period: float) -> Array:
 def lab_temperature(
     rng: np.random.Generator, time: Array, weekday: float, time_of_day: float, climate: LabClimate | None = None
 ) -> Array:
-    """Air temperature [degC] of a laboratory: days, weekends, weather, people, draughts, air conditioning."""
+    """Air temperature of a laboratory [degC]."""
     c = climate or LabClimate()
     hour = (time_of_day + time) / HOUR
     weather = c.weather * smooth_noise(rng, time, 1.2 * DAY)
@@ -93,7 +93,7 @@ def lab_temperature(
 
 
 def outdoor_temperature(rng: np.random.Generator, time: Array, weekday: float, time_of_day: float) -> Array:
-    """Air temperature [degC] outdoors, from spring on: season, weather, days under clouds, gusts."""
+    """Air temperature outdoors, from spring on [degC]."""
     hour = (time_of_day + time) / HOUR
     season = 8.0 + 10.0 * np.sin(2 * np.pi * time / (365.25 * DAY))
     weather = 3.5 * smooth_noise(rng, time, 1.5 * DAY)
@@ -105,7 +105,7 @@ def outdoor_temperature(rng: np.random.Generator, time: Array, weekday: float, t
 
 
 def chamber_temperature(rng: np.random.Generator, time: Array, weekday: float, time_of_day: float) -> Array:
-    """Air temperature [degC] of a chamber that climbs and descends a staircase between 15 and 35 degC."""
+    """Air temperature of a chamber on a staircase [degC]."""
     stairs = (20.0, 25.0, 30.0, 35.0, 30.0, 25.0, 20.0, 15.0)
     knots, levels = [0.0], [15.0]
     while knots[-1] <= time[-1] - time[0]:
@@ -132,7 +132,7 @@ def saturation_pressure(temperature: Array) -> Array:
 
 
 def room_humidity(rng: np.random.Generator, time: Array, temperature: Array) -> Array:
-    """Relative humidity [%] of a room whose walls give back half of what a change of temperature would take.
+    """Relative humidity of a room [%].
 
     Vapour comes and goes with the weather; the room's mean temperature, not the air at the sensor, sets its
     share.
@@ -144,26 +144,26 @@ def room_humidity(rng: np.random.Generator, time: Array, temperature: Array) -> 
 
 
 def outdoor_humidity(rng: np.random.Generator, time: Array, temperature: Array) -> Array:
-    """Relative humidity [%] outdoors: a dew point that follows the weather at a wandering distance."""
+    """Relative humidity outdoors [%]."""
     dew_point = follow(time, temperature, 1.5 * DAY) - 5.0 + 4.5 * smooth_noise(rng, time, 1.2 * DAY)
     share = saturation_pressure(dew_point) / saturation_pressure(temperature)
     return np.asarray(np.clip(100.0 * share, 8.0, 100.0))
 
 
 def air_pressure(rng: np.random.Generator, time: Array) -> Array:
-    """Air pressure [hPa]: passing weather and the half-daily tide of the atmosphere."""
+    """Air pressure [hPa]: weather and the half-daily tide."""
     return np.asarray(1013.0 + 7.0 * smooth_noise(rng, time, DAY) + 0.6 * np.sin(4 * np.pi * time / DAY))
 
 
 def supply_voltage(rng: np.random.Generator, time: Array) -> Array:
-    """Supply voltage [V] of a 5 V regulator: load changes, hours of wander, ripple."""
+    """Supply voltage of a 5 V regulator [V]."""
     wander = 2e-3 * smooth_noise(rng, time, 2 * HOUR)
     load = -3e-3 * (smooth_noise(rng, time, 0.7 * HOUR) > 1.0)
     return np.asarray(5.0 + wander + load + 3e-4 * rng.standard_normal(time.size))
 
 
 def mains_voltage(rng: np.random.Generator, time: Array, time_of_day: float) -> Array:
-    """Mains voltage [V]: the neighbourhood's load by day, wander, a tap changer that steps, flicker."""
+    """Mains voltage [V]: load, wander, tap changer, flicker."""
     hour = (time_of_day + time) / HOUR
     load = -1.5 * np.sin(2 * np.pi * (hour - 8) / 24) * (1 + 0.5 * smooth_noise(rng, time, 0.7 * DAY))
     taps = 1.4 * np.round(1.2 * smooth_noise(rng, time, 0.4 * DAY))

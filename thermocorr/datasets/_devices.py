@@ -1,4 +1,4 @@
-"""Simulated devices: a stack of layers and the sensitivity of the reading to each of them, U = F(field)."""
+"""Simulated devices: layers and their sensitivities, U = F(field)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Device:
         return total
 
     def respond(self, time: Array, temperature: Array, initial_offset: float = 0.0) -> Array:
-        """Bias U - U0 [unit] at the times `time` [s] in air of `temperature` [degC], eq. (16)."""
+        """Bias U - U0 in air of `temperature` [degC], eq. (16)."""
         return self.stack.respond(
             time,
             temperature,
@@ -53,7 +53,7 @@ class Device:
         )
 
     def lag_coefficients(self) -> tuple[Array, Array]:
-        """Time constants [s] and coefficients mu [unit/K] of the linear part, as eq. (22) has them."""
+        """Time constants [s] and coefficients [unit/K] of eq. (22)."""
         coefficients = self._weights(self.linear) @ self.stack.modes
         seen = np.abs(coefficients) > 1e-6 * np.abs(coefficients).sum()
         return self.stack.time_constants[seen], coefficients[seen]
@@ -75,18 +75,18 @@ class Device:
 
 
 def _slab() -> tuple[HeatStack, dict[str, float]]:
-    """Block of resin, 10 mm, mounted on an insulator; the whole block is sensitive (half an hour)."""
+    """Block of resin, 10 mm, on an insulator (half an hour)."""
     return HeatStack([Layer("resin", 0.010, 0.3, 2.0e6, 40)], 15.0), {"resin": 1.0}
 
 
 def _plate() -> tuple[HeatStack, dict[str, float]]:
-    """Ceramic plate, 5 mm, between two streams of air: a resistor network (minutes)."""
+    """Ceramic plate, 5 mm, between streams of air (minutes)."""
     layers = [Layer("surface", 0.001, 2.0, 2.6e6, 6), Layer("core", 0.004, 2.0, 2.6e6, 24)]
     return HeatStack(layers, 25.0, 15.0), {"surface": 0.5, "core": 0.5}
 
 
 def _layered() -> tuple[HeatStack, dict[str, float]]:
-    """Package on a board, with a metal base behind insulation (a minute and an hour)."""
+    """Package on a board with a metal base (minute and hour)."""
     return package_stack(25.0), {"package": 0.80, "board": 0.10, "base": 0.10}
 
 
@@ -101,7 +101,7 @@ def _box() -> tuple[HeatStack, dict[str, float]]:
 
 
 def package_stack(outer_convection: float) -> HeatStack:
-    """Stack of package, circuit board, filling and metal base, blown on by a fan [W/(m2 K)]."""
+    """Stack of package, board, filling and base under a fan."""
     layers = [
         Layer("package", 0.0015, 18.0, 2.8e6, 4),
         Layer("board", 0.0016, 0.3, 2.0e6, 6, contact_resistance=2e-3),
@@ -117,7 +117,7 @@ DEVICE_NAMES = tuple(_STACKS)
 
 
 def make_device(name: str, *, sensitivity: float, nonlinearity: float, reference_temperature: float) -> Device:
-    """Make a device; `nonlinearity` [1/K] is the curvature of its sensitivity to the innermost layer."""
+    """Make a device of some nonlinearity [1/K]."""
     stack, linear = _STACKS[name]()
     quadratic = {stack.layers[-1].name: nonlinearity} if nonlinearity else {}
     return Device(stack, linear, quadratic, sensitivity, reference_temperature)

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def modal_differences(rates: Array, steps: Array, changes: Array, start: Array) -> Array:
-    """Propagate every mode exactly over steps in which the air temperature changes linearly.
+    """Propagate each mode exactly under linear air temperature.
 
     `rates` (ndarray of shape (m,)): Rates of the modes [1/s]. `steps` (ndarray of shape (n,)): Lengths of the steps
     [s]. `changes` (ndarray of shape (n,)): Change of the air temperature over each step [K]. `start` (ndarray of
@@ -34,7 +34,7 @@ def modal_differences(rates: Array, steps: Array, changes: Array, start: Array) 
 
 
 def scan(decay: Array, increment: Array, start: Array) -> Array:
-    """Solve d[k] = decay[k] d[k-1] + increment[k] in about 2 sqrt(n) vectorised steps instead of n.
+    """Solve d[k] = decay[k] d[k-1] + increment[k], vectorised.
 
     Rows are dealt into blocks; all blocks run side by side from zero, then the true starts are passed on.
     """
@@ -107,7 +107,7 @@ class Layer:
 
 
 class HeatStack:
-    """Heat conduction in a stack of layers between air and an inner face, eqs. (14)-(16).
+    """Heat conduction in a stack of layers, eqs. (14)-(16).
 
     The outer face of the first layer exchanges heat with the air; the inner face of the last one is
     insulated, or exchanges heat with the same air when `inner_convection` is given.
@@ -161,7 +161,7 @@ class HeatStack:
         return np.asarray(1.0 / self.rates)
 
     def layer_mean(self, name: str) -> Array:
-        """Weights, shape (cells,), whose product with a field is the mean temperature of the layer `name`."""
+        """Weights, shape (cells,), of the mean temperature of a layer."""
         names = np.repeat([layer.name for layer in self.layers], [layer.cells for layer in self.layers])
         chosen = names == name
         if not chosen.any():
@@ -199,7 +199,7 @@ class HeatStack:
         reference_temperature: float = 0.0,
         initial_offset: float = 0.0,
     ) -> Array:
-        """Output of the device, U = F(field) of eq. (16), for an F of first or second degree.
+        """Output of the device, U = F(field) of eq. (16).
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class HeatStack:
     def _field_blocks(
         self, time: ArrayLike, temperature: ArrayLike, initial_offset: float, cells: NDArray[np.intp] | None = None
     ) -> Iterator[tuple[slice, Array]]:
-        """Blocks of rows of the field, the state carried from one block to the next."""
+        """Blocks of rows of the field, state carried on."""
         times, air = _checked(time, temperature)
         shares = (self.modes if cells is None else self.modes[cells]).T
         difference = np.full((1, self.rates.size), float(initial_offset))
@@ -243,7 +243,7 @@ class HeatStack:
 
 
 def _conductances(layers: Sequence[Layer], width: Array, outer: float, inner: float) -> Array:
-    """Conductances [W/(m2 K)] from air to cell 0, between neighbours, from the last cell to inner air."""
+    """Conductances from cell to cell [W/(m2 K)]."""
     cells = [layer.cells for layer in layers]
     half = width / 2 / np.repeat([layer.conductivity for layer in layers], cells)  # resistance of half a cell
     joint = np.zeros(width.size)
@@ -254,7 +254,7 @@ def _conductances(layers: Sequence[Layer], width: Array, outer: float, inner: fl
 
 
 def _unit_gain_modes(capacities: Array, conductances: Array) -> tuple[Array, Array]:
-    """Rates [1/s] and shares of the modes of C dtheta/dt = -K theta + (K 1) T, eq. (14) in cells."""
+    """Rates [1/s] and shares of the modes, eq. (14) in cells."""
     root = np.sqrt(capacities)
     diagonal = (conductances[:-1] + conductances[1:]) / capacities
     side = -conductances[1:-1] / (root[:-1] * root[1:])
@@ -321,7 +321,7 @@ def compose_reading(
 
 
 def truth_frame(parts: Mapping[str, Array], index: pd.Index, attrs: Mapping[str, Any]) -> pd.DataFrame:
-    """Parts of a simulated reading as columns, with the true parameters in `attrs`."""
+    """Parts of a simulated reading, with the truth in `attrs`."""
     frame = pd.DataFrame(dict(parts), index=index)
     for key, value in attrs.items():
         frame.attrs[key] = value
@@ -329,7 +329,7 @@ def truth_frame(parts: Mapping[str, Array], index: pd.Index, attrs: Mapping[str,
 
 
 def check_float(function: str, name: str, value: Any, interval: str) -> float:
-    """Return `value` as a finite float inside `interval`, written as "[0.0, 1.0)", or raise ValueError."""
+    """A finite float inside `interval`, or ValueError."""
     low, high = (float(end) for end in interval[1:-1].split(","))
     if (
         isinstance(value, int | float | np.integer | np.floating)

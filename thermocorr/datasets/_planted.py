@@ -1,4 +1,4 @@
-"""Effects planted by formulas of their own: a second opinion on the catalogue.
+"""Effects planted by independent formulas.
 
 These formulas are written for the tests: on purpose they share nothing with the package's effects but the names of the
 kinds and of their parameters, so that each can be checked against the other.
@@ -20,7 +20,7 @@ from ._heat import Array
 
 
 def of_own_columns(effect: Any, runs: Sequence[Run], rng: np.random.Generator) -> list[Array]:
-    """Sum of an effect's columns, each of the same size and of either sign, at every sample of each run.
+    """Sum of an effect's columns, equal in size, random in sign.
 
     `effect` (Effect): It learns the runs as it learns a record. `runs` (sequence of Run). `rng` (Generator): Draws
     the signs.
@@ -72,7 +72,7 @@ class Scene(NamedTuple):
     columns: Mapping[str, Array]
 
     def log_uniform(self, rng: np.random.Generator, low: float, high: float) -> float:
-        """A number between two positive ones (`high` counts as at least twice `low`), to three digits."""
+        """A number between two, log-uniform, to three digits."""
         return float(f"{np.exp(rng.uniform(np.log(low), np.log(max(high, 2 * low)))):.3g}")
 
 
@@ -231,7 +231,7 @@ def _quantile(scene: Scene, share: float) -> float:
 
 
 def _draw_lag(low_steps: float, share: float) -> Callable[[Scene, np.random.Generator], Parameters]:
-    """One time constant between some steps and a share of the span."""
+    """One time constant, within what the record can show."""
     return lambda scene, rng: {"time_constants": [scene.log_uniform(rng, low_steps * scene.step, share * scene.span)]}
 
 

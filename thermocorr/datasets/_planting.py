@@ -1,4 +1,4 @@
-"""The `effects` parameter of `make_record`: which effects to plant, how strong, and what became of them."""
+"""The `effects` parameter of `make_record`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Planting(NamedTuple):
 
 
 def read_plantings(effects: Any, start: pd.Timestamp) -> list[Planting]:
-    """Make a list of what a user asks for; raises ValueError in one sentence for what can't be planted."""
+    """List of what to plant; ValueError for the impossible."""
     plantings: list[Planting] = []
     for what, strength, given in _items(effects):
         kind, parameters = _kind_and_parameters(what)
@@ -77,7 +77,7 @@ def _items(effects: Any) -> Iterable[tuple[Any, Any, Mapping[str, Any]]]:
 
 
 def _kind_and_parameters(what: Any) -> tuple[Any, dict[str, Any]]:
-    """Kind and parameters of an effect object (what it has and a planted one has not is left out), or a bare kind."""
+    """Kind and parameters of an effect, or of a bare kind."""
     if not hasattr(what, "get_params"):
         return what, {}
     kind = getattr(what, "kind", None)
@@ -93,7 +93,7 @@ def _parameter_names(kind: str) -> tuple[str, ...]:
 
 
 def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
-    """A parameter in the form that the formulas need: seconds, lists, floats."""
+    """A parameter as the formulas need it."""
     names = _parameter_names(kind)
     if name not in names:
         listed = ", ".join(names) or "none"
@@ -120,7 +120,7 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
 
 
 def _since(start: pd.Timestamp, moment: str | pd.Timestamp) -> float:
-    """Seconds from the record's start to a date, or a span such as "2 days"."""
+    """Seconds from the record's start to a date or span."""
     try:
         return float(span_of(moment).total_seconds())
     except (TypeError, ValueError):
@@ -181,7 +181,7 @@ def plant(
 def _shapes(
     planting: Planting, runs: Sequence[Run], scene: Scene, seed: int, shared: np.random.Generator
 ) -> tuple[Parameters, list[Array]]:
-    """Parameters, and the contribution at every sample of each run, in any unit."""
+    """Parameters, and the contribution at each sample."""
     if planting.effect is not None:
         return planting.given, of_own_columns(planting.effect, runs, shared)
     how = PLANTS[planting.kind]
@@ -194,7 +194,7 @@ def _shapes(
 
 
 def left_by_static_law(temperature: Array, values: Array) -> float:
-    """Root mean square of what a static quadratic in temperature, eq. (3), leaves of `values`."""
+    """Rms that a static quadratic law leaves, eq. (3)."""
     excess = (temperature - temperature.mean()) / max(float(temperature.std()), 1e-300)
     static = np.stack([np.ones_like(excess), excess, excess**2], axis=1)
     residual = values - static @ np.linalg.lstsq(static, values, rcond=None)[0]
@@ -208,6 +208,6 @@ def _scene(runs: Sequence[Run], step: float) -> Scene:
 
 
 def _stream(planting: Planting, seed: int, run: int, purpose: int) -> np.random.Generator:
-    """Random generator of one planted effect: no other effect, and no other part of the record, shares it."""
+    """Random generator of one planted effect alone."""
     part = STREAMS.index("contributions")
     return np.random.default_rng([seed, run, part, crc32(planting.kind.encode()), planting.occurrence, purpose])

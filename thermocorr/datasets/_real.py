@@ -1,4 +1,4 @@
-"""Measured records, from a folder or an address that the user names; none of their files is part of the package."""
+"""Measured records, from a folder or an address."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def list_real_records() -> pd.DataFrame:
 def load_real_record(
     name: str, folder: str | os.PathLike[str] | None = None, *, run: str | None = None
 ) -> pd.DataFrame:
-    """Load a measured record, as recorded, from a folder that holds `<name>/<name>.csv`.
+    """Load a measured record from ``<name>/<name>.csv``.
 
     Warns (`RecordWarning`) where the file is not the one from which the guide's figures come.
 
@@ -201,7 +201,7 @@ def load_real_record(
 def fetch_real_record(
     name: str, url: str, folder: str | os.PathLike[str] | None = None, *, run: str | None = None
 ) -> pd.DataFrame:
-    """Load a measured record; fetch its file first where the folder does not hold it yet.
+    """Load a measured record, fetched first if need be.
 
     What comes is checked by its SHA-256 and kept in the folder: later calls need no network. Needs pooch (extra
     "records").

@@ -29,7 +29,7 @@ class _Noise(NamedTuple):
 
 
 class _Simulated(NamedTuple):
-    """A run before its reading is put together, at every time of the grid."""
+    """A simulated run, part by part."""
 
     run: Run
     response: Array
@@ -55,7 +55,7 @@ def make_record(
     seed: int = 0,
     return_truth: bool = False,
 ) -> Any:
-    """Make a record of a simulated device, by heat conduction through its layers.
+    """Make a record of a simulated device.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _simulate_run(
     seed: int,
     run: int,
 ) -> _Simulated:
-    """Columns of one run and what the device makes of them, at every time of the grid [s]."""
+    """Columns of one run, and the device's bias."""
     clock = (start - start.normalize()).total_seconds()
     air = TEMPERATURES[setting](stream(seed, run, "temperature"), time, start.weekday(), clock)
     humidity_rng = stream(seed, run, "humidity")
@@ -218,7 +218,7 @@ def _simulate_run(
 def _sample_times(
     rng: np.random.Generator, n: int, sampling_period: float, irregular: float, gaps: int
 ) -> tuple[Array, np.ndarray[Any, np.dtype[np.intp]]]:
-    """Draw the times of all samples, gaps filled [s], and the positions of the n that are kept."""
+    """Times of all samples [s], and the positions kept."""
     lost = np.zeros(n, dtype=np.intp)
     if gaps:
         before = rng.choice(np.arange(1, n), gaps, replace=False)

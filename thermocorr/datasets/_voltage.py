@@ -1,4 +1,4 @@
-"""The founding record, simulated: a MEMS voltage reference in a laboratory, two weeks at 15 s."""
+"""The founding record, simulated: a MEMS voltage reference."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "
 
 
 def load_voltage_reference(*, hidden: Literal["moisture"] | None = None, return_truth: bool = False) -> Any:
-    """Load the simulated record of a MEMS voltage reference: 84 000 samples, one every 15 s.
+    """Load the simulated MEMS voltage reference: 84 000 samples.
 
     The record is simulated, the same on every call. Heat conduction through a package, its board, a filling
     and a metal base is solved by finite volumes; the voltage depends on the temperatures of package and
@@ -110,7 +110,7 @@ def _simulate(hidden: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def _moisture(time: Array, humidity: Array, temperature: Array) -> Array:
-    """Voltage [mV] of moisture taken up with one lag, eq. (17) with humidity in the place of temperature."""
+    """Voltage of moisture [mV], one lag of humidity."""
     uptake = follow(time, humidity - humidity.mean(), _MOISTURE_TIME_CONSTANT)
     excess = temperature - temperature.mean()
     static = np.stack([np.ones_like(excess), excess, excess**2], axis=1)

@@ -1,4 +1,4 @@
-"""Floor 2: effects, the physical causes that move a reading."""
+"""Effects: physical causes that move a reading."""
 
 from typing import Any
 

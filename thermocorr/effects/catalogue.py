@@ -1,4 +1,4 @@
-"""The catalogue: every kind of effect that can be asked for by name, tried by a diagnosis, kept in a model file.
+"""The catalogue: every kind of effect.
 
 A class of a file in this folder is in it once it says what it is, in `info`: its physics and bench check, its formula,
 its place. Its search range is `Effect.candidates`.
@@ -15,7 +15,7 @@ from .protocol import Effect
 
 
 def _kinds() -> Iterator[type[Effect]]:
-    """Classes that have a kind and an `info` of their own, file by file."""
+    """Classes with a kind and `info` of their own."""
     for file in iter_modules([str(Path(__file__).parent)]):
         module = import_module(f".{file.name}", __package__)
         here = (thing for thing in vars(module).values() if getattr(thing, "__module__", "") == module.__name__)

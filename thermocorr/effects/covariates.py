@@ -1,4 +1,4 @@
-"""Effects of other recorded columns: static, with lags of their own, and as a partner of T."""
+"""Effects of other recorded columns, at once or late."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .thermal import HOLD, column_text, column_unit, seconds_array
 
 
 class OfColumn(Effect):
-    """A function of one recorded column, less its mean: U0 stays the reading under usual conditions."""
+    """A function of one recorded column, less its mean."""
 
     column: Any
 
@@ -50,7 +50,7 @@ class OfColumn(Effect):
 
 
 class Covariate(OfColumn):
-    """A recorded column that acts at once: humidity, pressure, supply voltage, a second temperature, ...
+    """A recorded column that acts at once: humidity, pressure, ...
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ class Covariate(OfColumn):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Every suspect column; its square too where that is no copy of the column."""
+        """Every suspect column, and its square."""
         return [cls(name, power) for name in suspects(record, columns) for power in _powers(record, name)]
 
     def learn(self, record: Record) -> None:
-        """Fix the column's mean, so that U0 stays the reading under usual conditions."""
+        """Learn the column's mean."""
         self._validate_params()
         self.mean_ = record.moments(self.column, self.power).mean
 
@@ -102,7 +102,7 @@ class Covariate(OfColumn):
 
 
 class LaggedCovariate(Covariate):
-    """A recorded column that acts late: moisture uptake, self-heating by power, a second thermal environment.
+    """A recorded column that acts late: moisture, self-heating, ...
 
     Columns are the recorded one (less its mean) and its lag differences, eq. (19) with the column in place of T.
 
@@ -141,7 +141,7 @@ class LaggedCovariate(Covariate):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Every suspect column (and square) with one time constant, from two steps to a fifth of the segment."""
+        """Every suspect column and square, with one time constant."""
         times = time_grid(record, 2.0, 0.2, 2.5)
         return [
             cls(name, [tau], power=power)
@@ -178,7 +178,7 @@ class ColumnLags(LaggedCovariate):
 
 
 class SaturatingCovariate(OfColumn):
-    """A recorded column that acts less the larger it is: c/(c + half), the isotherm of Langmuir (J. Am. Chem. Soc. 40).
+    """A column that saturates: c/(c + half), Langmuir's isotherm.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class SaturatingCovariate(OfColumn):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Columns that swing by more than a tenth of a positive mean, bent strongly and mildly."""
+        """Columns that swing by a tenth of a positive mean."""
         found = [name for name in suspects(record, columns) if swings(record, name)]
         means = {name: record.moments(name).mean for name in found}
         # Halves to try, as shares of a column's mean: strongly and mildly bent
@@ -228,7 +228,7 @@ class SaturatingCovariate(OfColumn):
 
 
 class QuadraticCovariate(OfColumn):
-    """A recorded column that acts by the square of its distance from its mean: ``(column - mean)^2``.
+    """The squared deviation of a column from its mean.
 
     `Covariate` with ``power=2`` squares the column itself, as a current dissipates heat; of a column that swings little
     about a large mean (a supply of 230 V, a pressure of 1000 hPa) that is nearly a straight line. This is the rest.
@@ -272,17 +272,17 @@ class QuadraticCovariate(OfColumn):
         return (x[self.column] - self.centre_) ** 2
 
     def units(self) -> list[str]:
-        """The square of the column's unit where its name tells it, else of "unit"."""
+        """The square of the column's unit, or "unit"."""
         unit = column_unit(self.column)
         return [f"{unit}^2" if unit else ""]
 
     def means(self) -> dict[str, float]:
-        """Mean of the column, and of the square of its distance from it."""
+        """Mean of the column, and of its squared deviation."""
         return {column_text(self.column): self.centre_, **super().means()}
 
 
 class Interaction(Effect):
-    """A sensitivity to temperature that depends on a recorded column: (T - T0) (column - its mean).
+    """Sensitivity that depends on a column: (T - T0) (column - mean).
 
     Parameters
     ----------
@@ -320,7 +320,7 @@ class Interaction(Effect):
         return [f"{column_text(self.temperature_name_)}*{column_text(self.column)}"]
 
     def units(self) -> list[str]:
-        """K times the column's unit where its name tells it, else "unit"."""
+        """K times the column's unit, or "unit"."""
         return [f"K {column_unit(self.column)}".strip()]
 
     def means(self) -> dict[str, float]:
@@ -334,25 +334,25 @@ class Interaction(Effect):
 
 
 def _powers(record: Record, column: Any) -> tuple[int, ...]:
-    """Powers of a column worth trying: its square where that is no copy of it."""
+    """Powers of a column worth trying: one, or two."""
     return (1, 2) if swings(record, column) else (1,)
 
 
 def swings(record: Record, column: Any) -> bool:
-    """True if bent copies of a column are no copies: it swings by over a tenth of its mean, and is not on or off."""
+    """True if a column swings enough for curvature to show."""
     known = record.moments(column)
     # Spread over mean of a column above which its square is no copy of itself
     return known.std > 0.1 * abs(known.mean) and has_middle(record, column)
 
 
 def has_middle(record: Record, column: Any) -> bool:
-    """True if a column knows more than two values: one that does not is a copy of any function of it."""
+    """True if a column has more than two values."""
     known = record.moments(column)
     return any(bool(((block[column] > known.low) & (block[column] < known.high)).any()) for block in record.blocks())
 
 
 class LaggedModulation(Effect):
-    """A fast quantity times a slow one that acts late: (fast - its mean) (lagged slow - its mean).
+    """A fast quantity times a slow one that acts late.
 
     `Interaction` is the same without a lag, and `LagProducts` has the products of the temperature with its own lags.
 
@@ -394,7 +394,7 @@ class LaggedModulation(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """The temperature by each suspect column late, and each by the temperature late.
+        """Temperature by each late column, and the reverse.
 
         Time constants go from 20 steps (shorter ones are `Interaction` by another name) to a tenth of the longest
         segment.
@@ -427,7 +427,7 @@ class LaggedModulation(Effect):
         return [f"{fast}*{slow}[{time_text(self.time_constant_)}]"]
 
     def units(self) -> list[str]:
-        """K for the temperature, times the column's unit where its name tells it, else "unit"."""
+        """K times the column's unit, or "unit"."""
         return [" ".join("K" if given is None else column_unit(given) for given in (self.fast, self.slow)).strip()]
 
     def means(self) -> dict[str, float]:
@@ -436,7 +436,7 @@ class LaggedModulation(Effect):
         return dict(zip(names, self.means_, strict=True))
 
     def signals(self, x: Signals) -> Sequence[Any]:
-        """Product of the fast quantity and the lagged slow one, both less their means."""
+        """Product of the fast and the lagged slow quantity."""
         fast, slow = (x.T if given is None else x[given] for given in (self.fast, self.slow))
         late = slow + x.lag(slow, [self.time_constant_])[0]  # eq. (19): lagged = slow + its difference
         return [(fast - self.means_[0]) * (late - self.means_[1])]

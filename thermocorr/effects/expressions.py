@@ -1,4 +1,4 @@
-"""An effect's formula as symbols: the expression that its `signals` says, from which other code is written."""
+"""An effect's formula as symbols, to write other code from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .signals import Numbers, Signals
 
 
 class TraceError(TypeError):
-    """A formula that is no expression over the words of `Signals`, but Python of its own."""
+    """A formula that no symbols can express."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Delayed(Word):
 
 @dataclass(frozen=True)
 class Decays(Word):
-    """Start-up decays, as `Signals.decays` has them; the clock is all they remember, so they have no state."""
+    """Start-up decays; they have no state but the clock."""
 
     of_segments: tuple[tuple[int, tuple[float, ...]], ...]
 
@@ -75,12 +75,12 @@ OF_TIME = ("seconds", "elapsed", "step", "angle")
 
 
 def _both(name: str) -> tuple[Any, Any]:
-    """Methods of a `Node` for an operator: ``node + other``, ``other + node``."""
+    """Both operand orders of a `Node` operator."""
     return lambda one, other: one.trace.node(name, one, other), lambda one, other: one.trace.node(name, other, one)
 
 
 class Node:
-    """One operation of an expression. `operator` says which, `arguments` are nodes and numbers.
+    """One operation: an `operator` and its arguments.
 
     Operators: ``T seconds elapsed step`` (inputs), ``column`` (its name is `detail`), ``angle`` (`detail`: the period),
     ``+ - * / ** neg``, comparisons, ``exp log1p sin cos maximum minimum where``, ``word`` (`detail`: a `Word`), and
@@ -125,7 +125,7 @@ def _function(name: str) -> Any:
 
 
 class Trace(Signals):
-    """Symbols in place of values. Equal operations are one node; each stands behind those that it needs."""
+    """Symbols for values; equal operations share a node."""
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
@@ -196,7 +196,7 @@ class Traced:
     words: list[Word]
 
     def below(self, node: Any) -> Iterator[Node]:
-        """All nodes that a node needs, itself among them, each once and after those that it needs."""
+        """A node and all that it needs, in order."""
         needed = {node.number} if isinstance(node, Node) else set()
         for number in range(max(needed, default=-1), -1, -1):
             if number in needed:
@@ -220,7 +220,7 @@ def traced(effect: Any) -> Traced:
 
 
 def follows_temperature(effect: Any) -> bool:
-    """True if a step of the temperature alone sets an effect in motion, and lets it come to rest again.
+    """True if an effect responds to temperature and comes to rest.
 
     It does for lags, hysteresis or a hinge; not for other columns, for time, or for the change since the sample before.
     """
@@ -234,7 +234,7 @@ def follows_temperature(effect: Any) -> bool:
 
 
 def words_of(effect: Any) -> list[Word] | None:
-    """The words with a memory of a learned effect; None where its columns are Python code of its own."""
+    """Stateful words of an effect; None for Python code."""
     try:
         return traced(effect).words
     except TraceError:

@@ -1,4 +1,4 @@
-"""Grids of times and moments on which candidates are tried."""
+"""Grids of candidate times and moments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOMENT: list[Any] = [Interval(Real, None, None, closed="neither"), str, pd.Times
 
 
 def since_start(time: Any, record: Record, name: str = "time", effect: str = "Step") -> float:
-    """A moment as seconds since the record began, its date in any form that logs have.
+    """A moment, in any form, as seconds since the start.
 
     Raises ValueError for what is no moment of this record, and RecordError for a date that has two readings.
     """
@@ -50,7 +50,7 @@ def since_start(time: Any, record: Record, name: str = "time", effect: str = "St
 
 
 def moment_text(seconds: float, record: Record) -> str:
-    """A moment in a column's name: a date where the record has dates, else seconds since it began."""
+    """A moment in a column's name: a date, or seconds."""
     since = record.since_1970()
     if since is not None:
         zero = record.first_stamp() if record.times.kind != "seconds" else round(since) * 10**9
@@ -60,7 +60,7 @@ def moment_text(seconds: float, record: Record) -> str:
 
 
 def shown(moment: Any) -> str:
-    """A moment as it was given: seconds to ten digits, anything else as it is."""
+    """A moment as given, numbers to ten digits."""
     return f"{float(moment):.10g} s" if isinstance(moment, Real) else str(moment)
 
 
@@ -69,7 +69,7 @@ _SAMPLE = 20_000
 
 
 def time_grid(record: Record, steps: float, share: float, ratio: float = 2.0, limit: float = np.inf) -> list[float]:
-    """Times from `steps` usual steps to `share` of the longest segment (at most `limit`) [s], `ratio` apart."""
+    """Times from `steps` steps to a share of a segment [s]."""
     low = steps * record.usual_step()
     high = min(share * record.longest_read(), limit)
     if high < low:
@@ -79,13 +79,13 @@ def time_grid(record: Record, steps: float, share: float, ratio: float = 2.0, li
 
 
 def temperature_quantiles(record: Record, shares: Any) -> np.ndarray:
-    """Temperatures below which the given shares of the rows lie; long records are thinned."""
+    """Quantiles of the temperature."""
     stride = max(1, record.n_used // _SAMPLE)
     return np.asarray(np.quantile(np.concatenate([block.temperature[::stride] for block in record.blocks()]), shares))
 
 
 def time_quantiles(record: Record, shares: Any) -> np.ndarray:
-    """Times since the record began before which the given shares of the rows lie [s]; rows themselves, not between."""
+    """Quantiles of the rows' times [s since the start]."""
     stride = max(1, record.n_used // _SAMPLE)
     seconds = np.concatenate([block.seconds[::stride] for block in record.blocks()])
     return np.asarray(np.quantile(seconds, shares, method="nearest"))

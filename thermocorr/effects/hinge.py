@@ -1,4 +1,4 @@
-"""Hinges: a law that changes at one temperature, at once or with lags."""
+"""Hinges: a law that changes at one temperature."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .thermal import seconds_array
 
 
 class Hinge(Effect):
-    """Temperature on one side of a knee: max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
+    """max(T - knee, 0) or min(T - knee, 0) [K], and its lags.
 
     The column is that less its value at the reference temperature T0, so that U0 stays the reading at T0.
 
@@ -71,7 +71,7 @@ class Hinge(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Knees where 5 % to 95 % of the temperatures lie below, and 0 if it is among them; then lagged ones."""
+        """Knees from 5 % to 95 % of the temperatures, then lagged ones."""
         quantiles = temperature_quantiles(record, np.linspace(0.05, 0.95, 13))
         even = np.linspace(quantiles[0], quantiles[-1], 16)  # where a chamber dwells, quantiles leave wide gaps
         zero = {0.0} if quantiles[0] < 0 < quantiles[-1] else set()
@@ -82,7 +82,7 @@ class Hinge(Effect):
         return first + [cls(knee, "above", [tau]) for knee in sorted(lagged) for tau in lags]
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
-        """Moved knees (`share` of a tenth of the range of 90 % of the temperatures), scaled time constants.
+        """Knees moved by `share` of a tenth of the range, scaled lags.
 
         As among the candidates, a twentieth of the temperatures stays on either side: of fewer the law is not known.
         """
@@ -93,7 +93,7 @@ class Hinge(Effect):
         return knees + super().nearby(record, share)
 
     def learn(self, record: Record) -> None:
-        """Check parameters; convert time constants to seconds; take the record's mean for T0."""
+        """Check parameters; learn T0 and the lags."""
         self._validate_params()
         self.time_constants_ = seconds_array(self.time_constants)
         self.reference_temperature_ = record.moments(record.temperature_name).mean
@@ -118,7 +118,7 @@ class Hinge(Effect):
         return [f"({first} {'-' if at_rest > 0 else '+'} {abs(at_rest):.10g})" if at_rest else first, *lags]
 
     def signals(self, x: Signals) -> Sequence[Any]:
-        """The hinge less its value at T0, and its lag differences [K]."""
+        """The hinge less its value at T0, and its lags [K]."""
         clip = x.maximum if self.side == "above" else x.minimum
         hinge = clip(x.T - self.knee, 0.0)
         lags = x.lag(hinge, self.time_constants_, self.hold) if len(self.time_constants_) else ()

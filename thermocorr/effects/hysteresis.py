@@ -1,4 +1,4 @@
-"""Hysteresis: friction, solder and packaging stress, as a play operator on the temperature."""
+"""Hysteresis of friction and stress: a play operator."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SHARES = np.geomspace(0.03, 0.9, 10)
 
 
 class Hysteresis(Effect):
-    """Play of width w, less T [K]: a follower that is dragged along once T has moved by w/2 from it.
+    """Play of width w, less T [K].
 
     ``p[k] = min(max(p[k-1], T[k] - w/2), T[k] + w/2)``, the play operator (Visintin, Differential Models of
     Hysteresis, 1994, ch. III). It does not depend on how fast T moves. Each segment starts with p = T in the middle
@@ -57,7 +57,7 @@ class Hysteresis(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Widths from 3 % to 90 % of the range that holds 96 % of the temperatures."""
+        """Widths from 3 % to 90 % of the range of temperatures."""
         low, high = temperature_quantiles(record, (0.02, 0.98))
         return [cls(float(f"{width:.3g}")) for width in _SHARES * (high - low) if width > 0]
 

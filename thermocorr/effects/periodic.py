@@ -1,4 +1,4 @@
-"""Periodic causes that nobody recorded: harmonics of a day, or of any given period."""
+"""Unrecorded periodic causes: harmonics of a period."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Periodic(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """An hour, the lunar tide, a day and a week, as far as the record holds three periods and ten samples in one.
+        """An hour, the lunar tide, a day and a week.
 
         Other periods come from the spectrum of a residual.
         """

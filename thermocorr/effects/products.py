@@ -1,4 +1,4 @@
-"""Products of lags, and of a lag with T: nonlinear dynamic transfer, eq. (21)."""
+"""Products of lags, and of a lag with T, eq. (21)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .thermal import HOLD, REFERENCE, column_text, lag_text, reference_of, secon
 
 
 class LagProducts(Effect):
-    """Products Psi_j Psi_k of eq. (21), j <= k, and of three of them: nonlinear dynamic transfer.
+    """Products Psi_j Psi_k of eq. (21), and of three lags.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class LagProducts(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """One time constant with its square and its product with T; then two, eight times apart."""
+        """One lag squared and times T; then two lags."""
         times = time_grid(record, 2.0, 0.05)
         single: list[Effect] = [cls([tau], temperature_products=True) for tau in times]
         return single + [cls([a, b], temperature_products=True) for a, b in zip(times[:-3], times[3:], strict=True)]
@@ -101,7 +101,7 @@ class LagProducts(Effect):
         return ["K^2"] * second + ["K^3"] * (self.n_columns() - second)
 
     def signals(self, x: Signals) -> Sequence[Any]:
-        """Products of lag differences, and of T - T0 with them [K^2], [K^3]."""
+        """Products of lag differences and T - T0 [K^2], [K^3]."""
         Psi = x.lag(x.T, self.time_constants_, self.hold)
         pairs = [one * other for one, other in combinations_with_replacement(Psi, 2)]  # eq. (21)
         deviation = x.T - self.reference_temperature_
@@ -114,14 +114,14 @@ class LagProducts(Effect):
 
 
 class CoarseProducts(LagProducts):
-    """Products of a few lags spread over the record, with T and with each other: any quadratic transfer, roughly."""
+    """Products of a few lags spread over the record."""
 
     def __init__(self, count: int = 5):
         super().__init__(temperature_products=True)
         self.count = count
 
     def learn(self, record: Record) -> None:
-        """Spread the time constants from four steps to a thirtieth of the longest segment."""
+        """Spread the lags from four steps to a thirtieth of a segment."""
         step, span = record.usual_step(), record.longest_read()
         self.time_constants = np.geomspace(4 * step, max(span / 30, 8 * step), self.count).tolist()
         super().learn(record)

@@ -1,4 +1,4 @@
-"""The effect protocol: a physical cause that turns a record into named columns, state in, state out."""
+"""The effect protocol: record in, named columns out, with a state."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class EffectInfo:
 
 
 class ParametersOnce(BaseEstimator):
-    """Names of a constructor's parameters, read once for a class: scikit-learn parses its signature time and again."""
+    """Parameter names of a constructor, read once per class."""
 
     @classmethod
     @cache
@@ -54,7 +54,7 @@ class ParametersOnce(BaseEstimator):
 
 
 class Effect(ParametersOnce):
-    """A cause that moves the reading: base class of the catalogue and of a user's own effects.
+    """Base class of effects, the catalogue's and the user's own.
 
     An effect of your own needs a constructor that stores its parameters, `names`, and `signals`, its formula::
 
@@ -106,7 +106,7 @@ class Effect(ParametersOnce):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Unlearned effects of this kind over the parameter range that makes sense for a record, static ones first.
+        """Unlearned effects of this kind worth trying, static ones first.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Effect(ParametersOnce):
         return []
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
-        """Unlearned copies with one parameter moved to either side, for a local search around this effect.
+        """Unlearned copies with one parameter changed either way.
 
         No time constant grows beyond a quarter of the longest stretch that was read: of such a lag the record shows
         little more than a drift.
@@ -149,14 +149,14 @@ class Effect(ParametersOnce):
         return copies
 
     def inputs(self) -> list[Any]:
-        """Recorded columns that the effect reads besides the temperature: its parameter `column`, if it has one."""
+        """Recorded columns that it needs besides the temperature."""
         return [self.column] if hasattr(self, "column") else []
 
     def learn(self, record: Record) -> None:
-        """Derive what the columns need from the record that is fitted (attributes that end in an underscore)."""
+        """Learn constants from the fitted record."""
 
     def refer_to(self, temperature: float) -> None:
-        """Told the model's reference temperature T0 after `learn`, for columns that are not 0 there by themselves.
+        """Take the reference temperature T0, after `learn`.
 
         A column that is 0 with the device at rest at T0 leaves U0 what it is called: the reading there.
         """
@@ -170,15 +170,15 @@ class Effect(ParametersOnce):
         return len(self.names())
 
     def terms(self) -> list[str]:
-        """The columns as a model's equation writes them: by their names, unless these leave something unsaid."""
+        """The columns as an equation writes them."""
         return self.names()
 
     def units(self) -> list[str]:
-        """Unit of each column; "" where it has none, "unit" where nobody knows that of a recorded one."""
+        """Unit of each column; "unit" where it is unknown."""
         return [self.unit] * self.n_columns()
 
     def explained(self, temperature: str) -> str:
-        """Meaning of the columns' names, for the text below an equation; "" where they need none.
+        """Meaning of the columns' names, or "".
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Effect(ParametersOnce):
         return self.info.formula if self.info else ""
 
     def means(self) -> dict[str, float]:
-        """Means in the formula, by the quantity they are of, after `learn`; they stand below the equation."""
+        """Means in the formula, by quantity, after `learn`."""
         return {}
 
     def signals(self, x: Signals) -> Sequence[Any]:
@@ -196,15 +196,15 @@ class Effect(ParametersOnce):
         raise NotImplementedError
 
     def says_signals(self) -> bool:
-        """True if `signals` is the formula, and not `columns` of the effect's own."""
+        """True if `signals` is the formula."""
         return type(self).columns is Effect.columns
 
     def alive(self, block: Block) -> slice:
-        """Columns that may be nonzero in a block: all, unless the effect knows better."""
+        """Columns that may be nonzero in a block."""
         return slice(None)
 
     def fill(self, block: Block, state: Any, columns: np.ndarray) -> Any:
-        """Write the columns of a block into an array of shape (n, len(names())); returns the state for the next one."""
+        """Write a block's columns into an array; returns the state."""
         if self.says_signals():
             return self._fill_said(block, state, columns)
         part, state = self.columns(block, state)
@@ -235,7 +235,7 @@ class Effect(ParametersOnce):
         return said
 
     def each_column(self, block: Block, state: Any) -> tuple[Sequence[Any], Any]:
-        """Columns one by one, equal to `columns` but for rounding: numbers, or read-only arrays of shape (n,)."""
+        """Columns one by one: numbers or read-only arrays."""
         width = self.n_columns()
         if self.says_signals():
             x, usual = BlockSignals(block, state), ((), (len(block),))
@@ -245,7 +245,7 @@ class Effect(ParametersOnce):
         return list(np.asarray(columns, float).reshape(len(block), width).T), state
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Columns of one block, and the state for the next one: what `signals` says, unless an effect defines it.
+        """Columns of one block, and the state for the next.
 
         Parameters
         ----------
@@ -264,7 +264,7 @@ class Effect(ParametersOnce):
         return columns, self._fill_said(block, state, columns)
 
     def memory(self) -> float:
-        """Longest time constant of the state [s]: how long an unknown start is felt. 0 without a state."""
+        """Longest time constant of the state [s]; 0 for none."""
         return max((word.memory for word in words_of(self) or ()), default=0.0)
 
     def label(self) -> str:
@@ -272,12 +272,12 @@ class Effect(ParametersOnce):
         return self.kind.replace("_", " ") + "".join(f": {name}" for name in self.inputs())
 
     def title(self) -> str:
-        """Name in sentences: as in `label`, time spans in units that suit them."""
+        """Name in sentences, time spans in suitable units."""
         return self.label()
 
 
 def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
-    """Raise ValueError for the first effect that looks at later samples, which `who` does not have."""
+    """Raise ValueError for effects that need later samples."""
     for effect in effects:
         if effect.foresees:
             raise ValueError(
@@ -287,12 +287,12 @@ def refuse_foresight(effects: Sequence[Effect], who: str) -> None:
 
 
 def suspects(record: Record, columns: Sequence[Any] | None) -> list[Any]:
-    """The recorded columns to try: those given, else all but the temperature."""
+    """The recorded columns to try."""
     if columns is not None:
         return list(columns)
     return [name for name in record.columns if name != record.temperature_name]
 
 
 def time_text(seconds: float) -> str:
-    """A time span in a column's name: ``lag[900 s]``; six digits tell any two apart that a fit can."""
+    """A time span in a column's name: ``lag[900 s]``."""
     return f"{seconds:.6g} s"

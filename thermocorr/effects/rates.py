@@ -1,4 +1,4 @@
-"""Effects of how fast the temperature moves and of when it arrives: rate and transport delay."""
+"""Rates, delays and leads of the temperature."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .thermal import seconds_array
 
 
 class Rate(Effect):
-    """Rate of change dT/dt [K/s]: gradients and thermo-electric voltages that settle faster than the sampling.
+    """Rate of change dT/dt [K/s]: gradients, thermo-electric voltages.
 
     Without smoothing it is the difference to the sample before, over the time between them: 0 where a segment begins.
     Differences amplify the noise of the thermometer. With a `time_constant` the rate is seen through one lag, which
@@ -55,7 +55,7 @@ class Rate(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """The plain rate, and smoothed ones up to ten steps: beyond that it is a thermal lag by another name."""
+        """The plain rate, and rates smoothed up to ten steps."""
         step = record.usual_step()
         return [cls(), *(cls(tau) for tau in time_grid(record, 2.5, 1.0, 2.0, limit=10.0 * step))]
 
@@ -76,7 +76,7 @@ class Rate(Effect):
 
 
 class Delay(Effect):
-    """Transport delay: T(t - d) - T(t) [K], the temperature of a while ago less that of now.
+    """Transport delay: T(t - d) - T(t) [K].
 
     T is a straight line between samples; before a segment began it was that of the first sample.
 
@@ -112,7 +112,7 @@ class Delay(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Delays from two steps (one step is the rate by another name) to a hundredth of the longest segment."""
+        """Delays from two steps to a hundredth of a segment."""
         return [cls(d) for d in time_grid(record, 2.0, 0.01, 1.5)]
 
     def learn(self, record: Record) -> None:
@@ -137,7 +137,7 @@ class Delay(Effect):
 
 
 def rows_until(block: Block, ahead: float) -> Any:
-    """Rows of a block and of what follows it in its segment, until at least `ahead` seconds beyond its last row."""
+    """A block's rows and those up to `ahead` seconds behind it."""
     record, until, stop = block.record, block.elapsed[-1] + ahead, block.stop
     last = record.segments[block.segment].stop
     while stop < last and not _reaches(block, record.kept(block.stop, stop), until):
@@ -146,7 +146,7 @@ def rows_until(block: Block, ahead: float) -> Any:
 
 
 def _reaches(block: Block, rows: Any, until: float) -> bool:
-    """True if the last of some rows is late enough; none are not."""
+    """True if the last of some rows is late enough."""
     some = rows.stop > rows.start if isinstance(rows, slice) else len(rows) > 0
     return some and elapsed(block, last_of(rows))[0] >= until
 
@@ -167,7 +167,7 @@ def temperatures(block: Block, rows: Any) -> np.ndarray:
 
 
 class Lead(Effect):
-    """The reading runs ahead of the thermometer: T(t + d) - T(t) [K], the temperature of later less that of now.
+    """Reading ahead of its thermometer: T(t + d) - T(t) [K].
 
     The opposite of a `Delay`. T is a straight line between samples; after the last sample of a segment it stays as it
     was, so the last d seconds of what is transformed at once count as if the temperature stood still.
@@ -219,7 +219,7 @@ class Lead(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Leads from one step to a hundredth of the longest segment, without lags and with three from fast to slow."""
+        """Leads up to a hundredth of a segment, some with lags."""
         plain, lagged = (time_grid(record, 1.0, 0.01, ratio) for ratio in (2.5, 1.7))
         lags = time_grid(record, 4.0, 0.05, 6.0)[:3]
         return [*(cls(d) for d in plain), *(cls(d, lags) for d in lagged if lags)]
@@ -239,7 +239,7 @@ class Lead(Effect):
         return float(max(self.time_constants_, default=0.0))
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Temperature of later less that of now, and its lags [K]; looks beyond the block, to its segment's end."""
+        """T(t + d) - T(t) and its lags [K]."""
         rows = rows_until(block, self.lead_)
         T = temperatures(block, rows)
         ahead = np.interp(block.elapsed + self.lead_, elapsed(block, rows), T) - block.temperature

@@ -1,4 +1,4 @@
-"""Vocabulary of an effect's formula: inputs, elementary functions, and words with a state; evaluated on blocks.
+"""Vocabulary of an effect's formula, evaluated on blocks.
 
 An effect's formula stands in one place, `Effect.signals(x)`, as an expression over `x`: ``x.T``, ``x["humidity"]``,
 ``x.seconds``, ``x.exp(...)``, and the words with a memory, ``x.lag(...)``, ``x.previous(...)``, ``x.play(...)``,
@@ -24,7 +24,7 @@ Numbers = Sequence[float] | np.ndarray
 
 
 class DelayState(NamedTuple):
-    """Samples that later rows still look back to: those of the last `delay` seconds, and one before them."""
+    """Samples of the last `delay` seconds, and one before."""
 
     elapsed: np.ndarray
     temperature: np.ndarray
@@ -32,7 +32,7 @@ class DelayState(NamedTuple):
 
 
 class Signals:
-    """The vocabulary of `Effect.signals`, beside arithmetic, whole powers, `abs` and comparisons within `where`."""
+    """The vocabulary of `Effect.signals`, besides arithmetic."""
 
     T: Any
     """Ambient temperature."""
@@ -76,7 +76,7 @@ class Signals:
         raise NotImplementedError
 
     def angle(self, period: float) -> Any:
-        """Angle [rad] through which absolute time has gone in a `period` [s]: 2 pi t/period, whole turns left out."""
+        """Phase of absolute time in a `period` [rad]."""
         raise NotImplementedError
 
     def wave(self, period: float) -> tuple[Any, Any]:
@@ -85,40 +85,40 @@ class Signals:
         return self.sin(angle), self.cos(angle)
 
     def lag(self, value: Any, time_constants: Numbers, hold: str = "first_order") -> list[Any]:
-        """Lag differences of a value, eqs. (19) (25), one for each time constant [s].
+        """Lag differences of a value, eqs. (19) (25).
 
         Bodies begin at rest with the first value of a segment.
         """
         raise NotImplementedError
 
     def previous(self, value: Any) -> Any:
-        """The value at the sample before; where a segment begins, the value itself."""
+        """The value one sample earlier."""
         raise NotImplementedError
 
     def play(self, value: Any, width: float) -> Any:
-        """A follower with play: dragged along once the value is width/2 away from it; begins at the first value."""
+        """Play operator: follows a value at half the width."""
         raise NotImplementedError
 
     def delayed(self, value: Any, delay: float) -> Any:
-        """The value `delay` seconds ago, a straight line between samples; the first value before a segment began."""
+        """The value `delay` seconds ago, interpolated."""
         raise NotImplementedError
 
     def decays(self, of_segments: Mapping[int, Numbers]) -> list[Any]:
-        """Start-up decays exp(-elapsed/tau), eq. (18): those of each fitted segment in turn, 0 in all others."""
+        """Start-up decays exp(-elapsed/tau), eq. (18), per segment."""
         raise NotImplementedError
 
     def change_rate(self, value: Any) -> Any:
-        """Change since the sample before over the time between them [1/s]; 0 where a segment begins."""
+        """Change since the sample before, per second [1/s]."""
         return (value - self.previous(value)) / self.step
 
 
 def joined(states: Sequence[Any]) -> Any:
-    """State of an effect: None where it has no word, that of its one word, or those of its words as a tuple."""
+    """States of an effect's words, joined into one."""
     return None if not states else states[0] if len(states) == 1 else tuple(states)
 
 
 def parted(state: Any) -> list[Any]:
-    """States of an effect's words, in the order in which it asks for them; empty where a segment begins."""
+    """The joined state, word by word; empty at a start."""
     return [] if state is None else list(state) if type(state) is tuple else [state]
 
 
@@ -138,7 +138,7 @@ class BlockSignals(Signals):
         self._after: list[Any] = []
 
     def state(self) -> Any:
-        """The state after the block, once the effect has been asked for its signals."""
+        """The state after the block."""
         return joined(self._after)
 
     @property
@@ -206,6 +206,6 @@ class BlockSignals(Signals):
 
 
 def felt_decays(block: Block, of_segments: Mapping[int, Numbers]) -> NDArray[Any]:
-    """Time constants [s] of the decays of the fitted segment that a block goes on; none once they are over."""
+    """Time constants of the decays that a block still feels [s]."""
     taus = np.asarray(() if block.segment_key is None else of_segments.get(block.segment_key, ()), float)
     return taus if len(taus) and block.elapsed_at(0) <= FELT * taus.max() else np.zeros(0)

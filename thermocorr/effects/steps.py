@@ -1,4 +1,4 @@
-"""Effects that begin at a moment: several steps, a change of sensitivity, marked events."""
+"""Effects with a date: steps, new sensitivities, events, disturbances."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST = 1000
 
 
 class SeveralSteps(Effect):
-    """Jumps that stay, each with a height of its own: 0 before a moment, 1 from then on.
+    """Jumps that stay, each with its own height.
 
     Parameters
     ----------
@@ -58,12 +58,12 @@ class SeveralSteps(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Steps at even thirds of the rows. Others are put together from steps that were found one by one."""
+        """Steps at thirds of the rows."""
         times = time_quantiles(record, (1 / 3, 2 / 3))
         return [cls([float(time) for time in times])] if 0 < times[0] < times[1] else []
 
     def learn(self, record: Record) -> None:
-        """Convert the moments to seconds since the record began, and to dates where there are dates."""
+        """Convert moments to seconds since the start, and dates."""
         self._validate_params()
         steps = [Step(time) for time in self.moments(record)]
         for step in steps:
@@ -89,7 +89,7 @@ class SeveralSteps(Effect):
 
 
 class SensitivityStep(Step):
-    """Another static law from a moment on: an offset, and a sensitivity to temperature, both 0 before it.
+    """Another static law from a moment on.
 
     The static coefficients keep their meaning: they are those of the law before the moment. `Step` is the same without
     a change of the sensitivity, `SensitivityDrift` a sensitivity that changes slowly.
@@ -125,7 +125,7 @@ class SensitivityStep(Step):
         super().__init__(time, removed_by_correct)
 
     def learn(self, record: Record) -> None:
-        """Convert the moment to seconds since the record began, and to a date where there are dates; fix T0."""
+        """Convert the moment to seconds and a date; fix T0."""
         super().learn(record)
         self.reference_temperature_ = record.moments(record.temperature_name).mean
         self.temperature_name_ = record.temperature_name
@@ -150,7 +150,7 @@ class SensitivityStep(Step):
 
 
 class Events(SeveralSteps):
-    """Moments at which the measurand was stepped: each begins a level of its own, which `correct` keeps.
+    """Steps of the measurand, which `correct` keeps.
 
     The lags go on through an event: the device does not know of it.
 
@@ -217,7 +217,7 @@ class Events(SeveralSteps):
         return found
 
     def _marked(self, record: Record) -> list[float]:
-        """Moments at which the column becomes 1, in rows that are passed over too [s]."""
+        """Moments at which the column becomes 1 [s]."""
         if record.order is not None:
             raise RecordError(
                 f"The column of events {quoted(self.column)} stands in runs that overlap in time, and an event would "
@@ -247,7 +247,7 @@ _STARTS = (0.2, 0.4, 0.6, 0.8)
 
 
 class Disturbance(Effect):
-    """A short disturbance: readings are off by a constant from `start` to `end`, and right again from then on.
+    """A constant error from `start` to `end`.
 
     The stretch's level no longer bends any other coefficient. Readings that are worthless altogether, not merely off,
     are better left out of the fit: ``y.loc[start:end] = numpy.nan``.
@@ -288,14 +288,14 @@ class Disturbance(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """Four stretches of a fiftieth of the rows; a diagnosis looks at every row and many lengths besides."""
+        """Four stretches of a fiftieth of the rows."""
         starts = time_quantiles(record, _STARTS)
         # Length of the stretches among the candidates, as a share of the rows
         ends = time_quantiles(record, [share + 0.02 for share in _STARTS])
         return [cls(float(a), float(b)) for a, b in zip(starts, ends, strict=True) if 0 < a < b]
 
     def nearby(self, record: Record, share: float = 0.25) -> list[Effect]:
-        """Either end moved by `share` of the length, at most by half of it."""
+        """Either end moved by `share` of the length."""
         start, end = self._ends(record)
         reach = min(share, 0.5) * (end - start)
         moved = [("start", start - reach), ("start", start + reach), ("end", end - reach), ("end", end + reach)]
@@ -305,7 +305,7 @@ class Disturbance(Effect):
         return [since_start(getattr(self, name), record, name, "Disturbance") for name in ("start", "end")]
 
     def learn(self, record: Record) -> None:
-        """Convert both ends to seconds since the record began, and to dates where there are dates."""
+        """Convert both ends to seconds and dates."""
         self._validate_params()
         self.seconds_ = self._ends(record)
         if not self.seconds_[0] < self.seconds_[1]:

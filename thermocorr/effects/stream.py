@@ -1,4 +1,4 @@
-"""Effects walked through a record, block by block or sample by sample.
+"""Effects walked through a record, block by block.
 
 A block of one row costs a hundred times what its arithmetic costs. So the expression that an effect's `signals` says is
 written as a Python function of one sample, a line for each operation, with an object for each word that remembers; its
@@ -37,7 +37,7 @@ class Walked(NamedTuple):
 
 
 def own_starts(record: Record) -> dict[int, SegmentStart]:
-    """Starts of a record that is being fitted: each segment is its own."""
+    """Starts of a fitted record: each segment its own."""
     return {key: SegmentStart(key, record.stamp(segment.start), None) for key, segment in enumerate(record.segments)}
 
 
@@ -81,7 +81,7 @@ def needed_columns(effects: Sequence[Effect]) -> list[Any]:
 def resume(
     effects: Sequence[Effect], history: History, record: Record
 ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-    """Tie a new record to the fitted one, and find the states with which its segments start."""
+    """Tie a new record to the fitted one, and resume states."""
     record, starts, replay = history.locate(record)
     states: dict[int, list[Any]] = {}
     for number, row in replay.items():
@@ -92,12 +92,12 @@ def resume(
 
 
 def states_before(effects: Sequence[Effect], history: History, key: int, row: int | None) -> list[Any]:
-    """States after the kept rows of fitted segment `key` that come before `row`; after all of them for None."""
+    """States after the fitted rows before `row`."""
     return list(history.end_states[key]) if row is None else _replay(effects, history, key, row)
 
 
 def _replay(effects: Sequence[Effect], history: History, key: int, row: int) -> list[Any]:
-    """States after the kept rows of fitted segment `key` that come before `row`."""
+    """States after the fitted rows before `row`, replayed."""
     kept = history.record
     segment = kept.segments[key]
     part = Record(
@@ -202,7 +202,7 @@ _CALLED = {
 
 
 def _compiled(expression: Traced, words: Sequence[Any], zero_seconds: float) -> Callable[[Sample], Sequence[float]]:
-    """The function ``step(sample)``; its text holds operators, numbers, and names made here, none of the user's."""
+    """The function ``step(sample)``, compiled from safe text."""
     names: dict[str, Any] = {**_CALLED, "inf": math.inf, "nan": math.nan}
     lines, own = [], iter(words)
 
@@ -259,7 +259,7 @@ def _without_unused(lines: list[str], expression: Traced) -> list[str]:
 
 
 def decay_and_gain_of_step(step: float, time_constant: float, first_order: bool) -> tuple[float, float]:
-    """`thermocorr.equations.lags.decay_and_gain` for a single step, in plain floats: see there for the formulas."""
+    """Factors of a single step, in plain floats."""
     ratio = step / time_constant
     if ratio < 0.1:
         half = 0.5 * ratio
@@ -294,7 +294,7 @@ class SteppedLag:
         return None if self.last is None else LagState(np.array(self.differences), self.last)
 
     def step(self, value: float, step: float) -> list[float]:
-        """Lag differences at the next sample; the list is replaced, never changed."""
+        """Lag differences at the next sample, as a new list."""
         last, self.last = self.last, value
         if last is None:
             return self.differences
@@ -365,7 +365,7 @@ class SteppedDelay:
         return DelayState(np.array(elapsed), np.array(values))
 
     def step(self, value: float, elapsed: float) -> float:
-        """A straight line between the samples around the moment; the first one before it."""
+        """The delayed value, interpolated between samples."""
         samples, then = self.samples, elapsed - self.delay
         samples.append((elapsed, value))
         while len(samples) > 1 and samples[1][0] <= then:
@@ -384,7 +384,7 @@ STEPPED: dict[type[Word], Callable[[Any], Any]] = {
 
 
 def _decays(word: Decays) -> Callable[[int | None, float], list[float]]:
-    """Eq. (18) at one sample: the decays of a segment, zeros in the places of the others."""
+    """Decays at one sample, eq. (18), zeros for other segments."""
     places, at = {}, 0
     for key, taus in word.of_segments:
         places[key] = (at, taus)
@@ -406,7 +406,7 @@ def _decays(word: Decays) -> Callable[[int | None, float], list[float]]:
 
 
 def _by_blocks(effect: Effect, times: Times, zero: float, temperature_name: object) -> Stepper:
-    """Any effect, by blocks of one row: right for all, quick for none."""
+    """Any effect by blocks of one row."""
     now: Any = None
     divisor = 1_000_000_000 // times.per_second if times.kind not in ("rows", "seconds") else 1
     dtype = float if times.kind == "seconds" else np.int64
@@ -444,12 +444,12 @@ N_CHUNKS = 20
 
 
 def block_rows(n_used: int, n_chunks: int = N_CHUNKS) -> int:
-    """Rows of a block such that a record has about `n_chunks` of them, or full blocks where it is long."""
+    """Rows of a block for about `n_chunks` in a record."""
     return int(np.clip(-(-n_used // n_chunks), 2048, BLOCK_ROWS))
 
 
 def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
-    """Positions in time order that cut a record into stretches of equal numbers of used rows, ends included.
+    """Positions that cut a record into equal numbers of rows.
 
     Where readings hold less than half of the record, that part is cut, see `Record.read_places`.
     """
@@ -466,7 +466,7 @@ def equal_edges(record: Record, n_chunks: int = N_CHUNKS) -> np.ndarray:
 
 
 def pieces(edges: np.ndarray, block: Block) -> Iterator[tuple[int, slice]]:
-    """The stretches between `edges` that the rows of a block fall into, and which of the rows each has."""
+    """Pieces between `edges` that a block touches, and their rows."""
     first, last = np.searchsorted(edges, (block.start, block.stop - 1), side="right").tolist()
     ends = block.first_from(edges[first - 1 : last + 1]).tolist()
     for chunk, (low, high) in enumerate(pairwise(ends), start=first - 1):

@@ -1,4 +1,4 @@
-"""The paper's own linear effects: static law and thermal lags, eqs. (3) (19)."""
+"""The paper's linear effects: static law, thermal lags, eqs. (3) (19)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PLAIN = frozenset({float, int, np.float64})
 
 
 def seconds_array(time_constants: Any) -> np.ndarray:
-    """Time constants in seconds, from numbers or anything that pandas reads as spans; increasing and distinct.
+    """Time constants in seconds, increasing and distinct.
 
     Raises ValueError that names the first bad one.
     """
@@ -55,7 +55,7 @@ def lag_text(temperature: str) -> str:
 
 
 class StaticPolynomial(Effect):
-    """Static law of the temperature, eq. (3): ``(T - T0)^i`` for i = lowest_power..degree.
+    """Static law: ``(T - T0)^i``, i = lowest_power..degree, eq. (3).
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class StaticPolynomial(Effect):
 
 
 def column_unit(column: object) -> str:
-    """Unit of a recorded column by its name; "unit" where that tells none: a coefficient is per unit of it then.
+    """Unit of a recorded column; "unit" where it is unknown.
 
     A state such as ``operator=Kim`` has none.
     """
@@ -138,12 +138,12 @@ def column_unit(column: object) -> str:
 
 
 def column_text(name: object) -> str:
-    """A column as it stands in feature names: array columns are x0, x1, ... as in scikit-learn."""
+    """A column in feature names: x0, x1, ... for arrays."""
     return f"x{name}" if isinstance(name, int | np.integer) else str(name)
 
 
 class ThermalLag(Effect):
-    """Lag differences Psi_j = lagged_j - T of eq. (19): parts of the device that follow late.
+    """Lag differences Psi_j = lagged_j - T, eq. (19).
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class ThermalLag(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """One body more: time constants from half a step to a fifth of the longest segment."""
+        """One more lag, from half a step to a fifth of a segment."""
         return [cls([tau]) for tau in time_grid(record, 0.5, 0.2)]
 
     def learn(self, record: Record) -> None:
@@ -195,7 +195,7 @@ class ThermalLag(Effect):
         return lag_text(temperature)
 
     def memory(self) -> float:
-        """The longest time constant [s], as its formula would tell, which every fit would have to read for it."""
+        """The longest time constant [s]."""
         return float(self.time_constants_.max(initial=0.0))
 
     def signals(self, x: Signals) -> Sequence[Any]:

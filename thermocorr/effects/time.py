@@ -1,4 +1,4 @@
-"""Effects of time alone: drift, ageing, a temperature coefficient that ages, steps.
+"""Effects of time alone: drift, ageing, steps.
 
 Time counts from the first row of the fitted record and runs on through its continuation. Drift and ageing are centred
 on the fitted rows, so that U0 stays the reading of the record's middle; the coefficients do not depend on it.
@@ -73,7 +73,7 @@ class Drift(Effect):
 
 
 class LogAgeing(Effect):
-    """Settling that never quite ends: log(1 + t/t0), less its mean over the fitted rows.
+    """Settling: log(1 + t/t0), less its mean.
 
     This is the law by which MIL-PRF-55310 extrapolates the ageing of crystal oscillators, A ln(B t + 1), t0 = 1/B.
     Rows before the fitted record have t = 0.
@@ -138,7 +138,7 @@ class LogAgeing(Effect):
 
 
 class SensitivityDrift(Effect):
-    """Temperature coefficient that ages: t (T - T0) [K d], both centred on the fitted rows.
+    """Ageing temperature coefficient: t (T - T0) [K d], centred.
 
     The static coefficient keeps its meaning: it is that of the middle of the fitted record.
     """
@@ -180,7 +180,7 @@ class SensitivityDrift(Effect):
 
 
 class Step(Effect):
-    """A jump that stays: 0 before a moment, 1 from then on.
+    """A jump that stays: 0 before a moment, then 1.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class Step(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """The starts of segments, and times that part the record's rows into even shares."""
+        """The starts of segments, and quantiles of time."""
         starts = [record.times.between(record.stamp(s.start), record.first_stamp()) for s in record.segments[1:]]
         shares = np.linspace(0.0, 1.0, _STEP_TIMES + 2)[1:-1]
         times = {float(t) for t in (*starts, *time_quantiles(record, shares)) if t > 0}
@@ -228,7 +228,7 @@ class Step(Effect):
         return [clone(self).set_params(time=moment + side * reach) for side in (-1, 1)]
 
     def learn(self, record: Record) -> None:
-        """Convert the moment to seconds since the record began, and to a date where there are dates."""
+        """Convert the moment to seconds and a date."""
         self._validate_params()
         self.seconds_ = since_start(self.time, record, effect=type(self).__name__)
         self.moment_ = moment_text(self.seconds_, record)

@@ -1,4 +1,4 @@
-"""Start-up of each segment: decays of an unknown initial temperature field, eq. (18)."""
+"""Start-up decays of each segment, eq. (18)."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class InitialTransient(Effect):
 
     @classmethod
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
-        """One decay: time constants from two steps to half of the longest segment; none for a great many segments."""
+        """One decay, from two steps to half a segment."""
         # With more segments, a start of its own for each of them is too much freedom for one suspect
         return [cls([tau]) for tau in time_grid(record, 2.0, 0.5)] if len(record.segments) <= 30 else []
 
     def learn(self, record: Record) -> None:
-        """List the decays of each segment: ``decays_[key]`` holds their time constants [s]."""
+        """List each segment's decays: ``decays_[key]`` [s]."""
         self._validate_params()
         time_constants = seconds_array(self.time_constants)
         self.decays_: dict[int, np.ndarray] = {}
@@ -82,7 +82,7 @@ class InitialTransient(Effect):
             self.labels_[key] = str(segment.run) if named else f"segment {key}"
 
     def longest(self, durations: Sequence[float]) -> list[float]:
-        """The longest decay of each segment [s], from what is known of its length [s]."""
+        """The longest decay of each segment [s]."""
         limit = self.longest_share * sum(durations)
         if self.longest_share > 1:
             return [limit] * len(durations)
@@ -104,25 +104,25 @@ class InitialTransient(Effect):
         ]
 
     def n_columns(self) -> int:
-        """Number of the names, of which a record of many segments has thousands."""
+        """Number of the names, without making them."""
         return sum(map(len, self.decays_.values()))
 
     def memory(self) -> float:
-        """Nothing but the clock: its formula, of thousands of columns, need not be read for it."""
+        """0: the clock is its only state."""
         return 0.0
 
     def own(self, block: Block) -> np.ndarray:
-        """Decays of a block's own segment, shape (n, those of the segment)."""
+        """Decays of a block's own segment."""
         return decays(block.elapsed, self.decays_.get(block.segment, np.zeros(0)))  # eq. (18)
 
     def alive(self, block: Block) -> slice:
-        """The columns of the fitted segment that the block goes on; none once they are over."""
+        """Columns of the block's fitted segment, while they decay."""
         count = len(felt_decays(block, self.decays_))
         first = self.first_column_[block.segment_key] if count and block.segment_key is not None else 0
         return slice(first, first + count)
 
     def _fill_said(self, block: Block, state: Any, columns: np.ndarray) -> Any:
-        """Write the columns of a block as `signals` says them, without a word on each of the zeros."""
+        """Write a block's columns, zeros left as they are."""
         columns[:] = 0.0
         columns[:, self.alive(block)] = decays(block.elapsed, felt_decays(block, self.decays_))  # eq. (18)
         return state
@@ -133,7 +133,7 @@ class InitialTransient(Effect):
 
 
 def _first_reading(record: Record, segment: Segment) -> float:
-    """Time from the start of a segment to its first reading [s]; infinite where it has none."""
+    """Time from a segment's start to its first reading [s]."""
     if record.reading is None:
         return 0.0
     for start in range(segment.start, segment.stop, BLOCK_ROWS):

@@ -14,7 +14,7 @@ from .protocol import Effect, ParametersOnce
 
 
 class TransformerEffect(Effect):
-    """A scikit-learn transformer that works row by row (splines, polynomials, encodings), as an effect.
+    """A row-by-row scikit-learn transformer as an effect.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class TransformerEffect(Effect):
 
 
 def as_effects(given: Any, parameter: str = "effects") -> list[tuple[str, Effect]]:
-    """The user's effects as named effects: a list of effects, transformers, or (name, effect) pairs.
+    """Named effects from effects, transformers or pairs.
 
     Raises ValueError for anything else, and for a name that stands twice.
     """
@@ -139,7 +139,7 @@ class EffectsParameters(_BaseComposition, ParametersOnce):
         return model
 
     def without_effect(self, name: str) -> Self:
-        """An unfitted copy of this model without the effect of this name; ValueError where none has it."""
+        """An unfitted copy of this model without one effect."""
         model: Self = clone(self)
         given = as_effects(model.effects)
         if name not in [own for own, _ in given]:

@@ -1,4 +1,4 @@
-"""Floor 0: equations, on numpy and scipy alone. Start reading in `lags`."""
+"""Equations, on numpy and scipy alone; start with `lags`."""
 
 from .allan import AllanDeviation, allan_deviation, regular_cells
 from .lags import LagState, decay_and_gain, decays, equilibrium, lag_differences

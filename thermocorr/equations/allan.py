@@ -27,7 +27,7 @@ COVERAGE = 2 / 3
 
 @dataclass(frozen=True, kw_only=True)
 class AllanDeviation:
-    """Overlapping Allan deviation of a record; each array has one element per averaging time."""
+    """Overlapping Allan deviation, one element per averaging time."""
 
     averaging_times: Floats
     """[s]."""
@@ -179,7 +179,7 @@ class CellSums:
         return len(self.total) - 1
 
     def means(self, m: int, stride: int = 1) -> Floats:
-        """Averages over m cells, less `offset`, that begin at every `stride`-th cell; NaN where too few are known."""
+        """Averages over m cells, NaN where too few are known."""
         if len(self) < m:
             return np.zeros(0)
         total = self.total[m::stride] - self.total[:-m:stride][: len(self.total[m::stride])]
@@ -191,7 +191,7 @@ class CellSums:
 
 
 def squared_steps(sums: Sequence[CellSums], m: int) -> tuple[int, float]:
-    """Number and sum of squared differences of neighbouring averages over m cells, at every offset."""
+    """Sum of squared differences of neighbouring averages, per offset."""
     n, total = 0, 0.0
     for piece in sums:
         means = piece.means(m)
@@ -204,7 +204,7 @@ def squared_steps(sums: Sequence[CellSums], m: int) -> tuple[int, float]:
 
 
 def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray[np.int_]:
-    """Power-law exponent of the noise at each averaging time, from lag-1 autocorrelation, Riley (2008) 5.5.3.
+    """Power-law exponent of the noise, Riley (2008) 5.5.3.
 
     Never above 0: what looks like phase noise in readings is mostly something periodic whose averages alternate (days,
     air conditioning), and the degrees of freedom of phase noise would make it look far too certain.
@@ -219,7 +219,7 @@ def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray
 
 
 def noise_exponent(averages: Sequence[Floats]) -> int:
-    """Exponent of the spectral density, -2 to 2: difference until lag 1 is correlated as in a stationary noise.
+    """Exponent of the spectral density, from -2 to 2.
 
     r1 / (1 + r1) is half of the (negative) exponent of what is left after d differences.
     """
@@ -239,7 +239,7 @@ def noise_exponent(averages: Sequence[Floats]) -> int:
 
 
 def edf_overlapping(n: int, m: int, exponent: int) -> float:
-    """Equivalent degrees of freedom of the overlapping Allan variance, Riley (2008) section 5.4.1, table 5.
+    """Equivalent degrees of freedom, Riley (2008) section 5.4.1, table 5.
 
     `n` (int): Phases: readings plus one. `m` (int): Readings of one average. `exponent` (int): 0 white, -1
     flicker, -2 random-walk noise of the readings.
@@ -257,7 +257,7 @@ def edf_overlapping(n: int, m: int, exponent: int) -> float:
 def regular_cells(
     piece: NDArray[np.int_], seconds: Floats, values: Floats, sampling_period: float, longest_gap: int
 ) -> list[Floats]:
-    """Mean reading of each cell of one sampling period, NaN for none: an array for each piece of a record.
+    """Mean reading of each cell, for each piece of a record.
 
     `piece` (array of shape (n,)): Number of the piece of each row. `seconds`, `values` (arrays of shape (n,)): Times,
     increasing in a piece [s], and readings. `longest_gap` (int): Cells beyond which a gap begins another piece.

@@ -1,4 +1,4 @@
-"""Two recursions, compiled where numba is installed (extra "fast").
+"""Two recursions, compiled by numba (extra "fast").
 
 Set the environment variable THERMOCORR_COMPILED=0 to do without. Lags agree with the plain path to the last digit or
 two, for a product and a sum may be rounded once, not twice: the processor waits half as long for each.
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 def play(low: Floats, high: Floats, position: float) -> Floats:
-    """A position that is pushed, shape (n,): the last one (first `position`), brought between ``low`` and ``high``."""
+    """Play operator: the position pushed between ``low`` and ``high``."""
     run = compiled(_play)
     if run is None:
         followed = [0.0] * len(low)
@@ -31,7 +31,7 @@ def play(low: Floats, high: Floats, position: float) -> Floats:
 
 
 def follow(change: Floats, decay: Floats, gain: Floats, first: Floats, out: Floats) -> bool:
-    """Fill `out`, shape (J, n), by the recursion of eq. (25); False without numba.
+    """Fill `out` by eq. (25); False without numba.
 
     ``out[j, k] = decay[j, k] out[j, k - 1] - gain[j, k] change[k]``.
 
@@ -46,7 +46,7 @@ def follow(change: Floats, decay: Floats, gain: Floats, first: Floats, out: Floa
 
 @cache
 def compiled(function: Callable[..., None]) -> Callable[..., None] | None:
-    """A function as compiled code, which is kept next to the source for other processes; None without numba."""
+    """A compiled function, cached; None without numba."""
     if os.environ.get("THERMOCORR_COMPILED", "1") == "0" or find_spec("numba") is None:
         return None
     from numba import njit

@@ -1,4 +1,4 @@
-"""First-order thermal lags: the recursion that everything else rests on, eqs. (17) (19) (25).
+"""First-order thermal lags, eqs. (17) (19) (25).
 
 A body of time constant ``tau`` follows the ambient temperature T by ``tau d(lagged)/dt = T - lagged``:
 eq. (17) in its unit-gain form. As printed, (17) and (25) have the steady state ``T tau`` [K s], from which
@@ -42,12 +42,12 @@ FELT = 46.0
 
 
 def equilibrium(temperature: float, time_constants: ArrayLike) -> LagState:
-    """State of a device that has been at `temperature` for ever: no lag difference."""
+    """State of a device that rests at `temperature`."""
     return LagState(np.zeros(np.size(time_constants)), float(temperature))
 
 
 def decay_and_gain(steps: Floats, time_constant: float | Floats, hold: Hold = "first_order") -> tuple[Floats, Floats]:
-    """Factors a, g of one step: ``d_next = a d - g (T_next - T)``, eq. (25) written for d = lagged - T.
+    """Factors a, g of ``d_next = a d - g (T_next - T)``, eq. (25).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def decay_and_gain(steps: Floats, time_constant: float | Floats, hold: Hold = "f
 
 
 def _of_small_steps(ratio: Floats) -> tuple[Floats, Floats]:
-    """exp(-r) and (1 - exp(-r))/r for r < 0.1 to the last digits, where 1 - exp(-r) would lose some.
+    """exp(-r) and (1 - exp(-r))/r for r < 0.1, accurate.
 
     ``1 - exp(-r) = 2 t/(1 + t)`` with ``t = tanh(r/2)``, whose continued fraction (Abramowitz & Stegun 4.5.70) stops
     at ``tanh(x)/x = (105 + 10 x^2)/(105 + 45 x^2 + x^4)``: wrong by x^8/1.2e6, below 5e-17 here.
@@ -104,7 +104,7 @@ def lag_differences(
     *,
     hold: Hold = "first_order",
 ) -> tuple[Floats, LagState]:
-    """Lag differences Psi_j = lagged_j - T of eq. (19), state in, state out.
+    """Lag differences Psi_j of eq. (19), state in, state out.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def lag_differences(
 
 
 def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats, hold: Hold) -> Floats:
-    """The recursion: compiled, or as a unit lower bidiagonal system for each body, solved in place."""
+    """The recursion, compiled or as a bidiagonal system."""
     n = len(change)
     if n > 1 and (steps[1:] == steps[1]).all():
         steps = steps[:2]
@@ -177,7 +177,7 @@ def _solved(change: Floats, steps: Floats, time_constants: Floats, first: Floats
 
 
 def bridge_error(structure: Structure, length: float, time_constants: Floats) -> Floats:
-    """Covariance of the errors of lags at the end of a gap, shape (J, J).
+    """Covariance of the lags' errors after a gap, shape (J, J).
 
     A quantity of stationary increments, known at both ends of the gap, leaves the straight line between them by b(t),
     ``cov(b(s), b(t)) = g(s, t) - t/h g(s, h) - s/h g(h, t) + s t/h^2 g(h, h)`` with
@@ -204,7 +204,7 @@ def bridge_error(structure: Structure, length: float, time_constants: Floats) ->
 
 
 def decays(elapsed: Floats, time_constants: Floats) -> Floats:
-    """Start-up columns exp(-t/tau_j) of eq. (18) for an unknown initial temperature field.
+    """Start-up columns exp(-t/tau_j) of eq. (18).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Least squares by merged triangular factors, eqs. (11)-(13) (30)-(32): plain, and bordered.
+"""Least squares by merged triangular factors, eqs. (11)-(13) (30)-(32).
 
 The paper solves ``(Q'Q + eps I)^-1 Q'U``; forming Q'Q squares the condition number, and with neighbouring time
 constants every digit is lost. Here the rows of ``[1 | Q | U]`` are swept, block by block, into one small triangle R
@@ -30,13 +30,13 @@ WELL_CONDITIONED = 1e-8
 
 
 def triangle(matrix: Floats) -> Floats:
-    """R of a QR factorisation of a small matrix, shape (min(m, n), n); without the overhead of `scipy.linalg.qr`."""
+    """R of a QR factorisation, shape (min(m, n), n)."""
     factored = lapack.dgeqrf(matrix)[0]
     return np.asarray(np.triu(factored[: matrix.shape[1]]), np.float64)
 
 
 def swept_in(part: Floats, rows: Floats) -> Floats:
-    """R of a triangle and more rows, shape of the triangle; rows in Fortran order are overwritten."""
+    """A triangle with more rows; overwrites rows in Fortran order."""
     part = np.asfortranarray(part)
     if not len(rows):
         return part
@@ -47,7 +47,7 @@ def swept_in(part: Floats, rows: Floats) -> Floats:
 
 
 class TriangularFactor:
-    """Upper triangle R of the rows seen so far: ``R'R = [1 Q U]' [1 Q U]``.
+    """Upper triangle R of all rows: ``R'R = [1 Q U]' [1 Q U]``.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class TriangularFactor:
         return self
 
     def merge(self, *others: TriangularFactor) -> TriangularFactor:
-        """Take in all that the other factors have seen; they stay as they are."""
+        """Add what other factors have seen; they stay as they are."""
         for other in others:
             self._sweep(other.r.copy(order="F"))
             self.n_rows += other.n_rows
@@ -91,7 +91,7 @@ class TriangularFactor:
             self.r[zero:, zero:] = swept_in(self.r[zero:, zero:], rows[:, zero:])
 
     def _touched(self, rows: Floats) -> NDArray[np.intp]:
-        """Numbers of the rows and columns of R that sweeping in these rows may change, in order.
+        """Numbers of the rows and columns that may change.
 
         Start-up decays of many segments hardly meet one another: a block has those of its own segment.
         """
@@ -103,11 +103,11 @@ class TriangularFactor:
             touched = wider
 
     def select(self, columns: Iterable[int]) -> TriangularFactor:
-        """Factor of some of the columns, in the order given, without another look at the data."""
+        """Factor of some of the columns, in the order given."""
         return self.standing_for(self.r[:, list(columns)], self.n_rows)
 
     def behind(self, n: int) -> TriangularFactor:
-        """Factor of the columns behind the first `n`, less their fit by these: of what these cannot explain."""
+        """Factor of the columns behind the first `n`, given these."""
         part = TriangularFactor(self.r.shape[1] - n)
         part.r[:], part.n_rows = self.r[n:, n:], self.n_rows
         return part
@@ -118,7 +118,7 @@ class TriangularFactor:
 
     @classmethod
     def standing_for(cls, matrix: Floats, n_rows: int) -> TriangularFactor:
-        """Factor of a small matrix F that stands for `n_rows` rows: ``F'F`` are their cross products."""
+        """Factor of a small matrix F that stands for `n_rows` rows."""
         part = cls(matrix.shape[1])
         if not len(matrix):
             return part
@@ -157,7 +157,7 @@ class RidgeSolution:
 
 
 def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
-    """Ridge least squares from a triangle whose first column is 1 and whose last is the reading, eq. (13).
+    """Ridge least squares from a triangle of ``[1 Q U]``, eq. (13).
 
     Minimises ``sum (U - U0 - Q b)^2 + alpha sum (scale_j b_j)^2``: the intercept is free and each coefficient is
     penalised on the scale of its column's standard deviation, so that `alpha` means the same in any unit (the penalty
@@ -216,7 +216,7 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
 
 
 def _triangular_solution(unit: Floats, target: Floats, penalty: float) -> tuple[Floats, Floats] | None:
-    """Inverse triangle and solution of many columns, all independent; None where they are not, and the SVD must tell.
+    """Inverse triangle and solution; None where columns may be dependent.
 
     A tenth of the singular value decomposition's time: the start-up decays of hundreds of segments.
     """
@@ -248,7 +248,7 @@ class Segments(NamedTuple):
 
 @dataclass(frozen=True)
 class BorderedFactor:
-    """Triangles of ``[own | shared]`` columns of each segment, in place of one of all columns."""
+    """Triangles of ``[own | shared]`` columns, one per segment."""
 
     shared: np.ndarray
     """Numbers of the q shared columns in ``[1 | Q | U]``: the 1 first, the reading last."""
@@ -257,7 +257,7 @@ class BorderedFactor:
 
     @classmethod
     def of(cls, shared: Sequence[int], segments: Sequence[tuple[Sequence[int], Floats]], n_rows: int) -> BorderedFactor:
-        """Put segments together: the numbers of each one's own columns, and its triangle over these and the shared."""
+        """Join segments: numbers of each one's own columns, its triangle."""
         alike: dict[int, list[tuple[Sequence[int], Floats]]] = {}
         for own, r in segments:
             alike.setdefault(len(own), []).append((own, r))
@@ -268,7 +268,7 @@ class BorderedFactor:
         return cls(np.array(shared, np.intp), groups, n_rows)
 
     def solution(self, alpha: float) -> RidgeSolution | None:
-        """Solution of `solve_ridge`, to rounding; None where columns are not clearly independent."""
+        """Solution of `solve_ridge`; None where columns may be dependent."""
         mean, length = self._centred()
         # Length of a column less its mean, over its whole length, below which it is a constant
         if not (length > 1e-13 * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
@@ -293,7 +293,7 @@ class BorderedFactor:
         )
 
     def _centred(self) -> tuple[Floats, Floats]:
-        """Mean of each column of Q over all rows, and its length less that; shape (p,) each."""
+        """Mean and centred length of each column, shape (p,) each."""
         p = sum(group.own.size for group in self.groups) + len(self.shared) - 2
         sums, squares = np.zeros(p + 1), np.zeros(p + 1)
         for group in self.groups:
@@ -306,7 +306,7 @@ class BorderedFactor:
         return sums[1:] / self.n_rows, length[1:]
 
     def _eliminated(self, unit: Floats, penalty: float) -> tuple[list[Floats], Floats]:
-        """Rows that hold each segment's own columns, (segments, k, k + q), and the triangle of the shared, (q, q).
+        """Rows of the own columns, and the triangle of the shared.
 
         All columns of ``[1 | Q]`` get unit length, and the penalty as further rows.
         """
@@ -325,7 +325,7 @@ class BorderedFactor:
         return held, triangle(np.concatenate(rest))
 
     def _inverse(self, held: Sequence[Floats], border: Floats) -> tuple[Floats | None, Floats, float]:
-        """Inverse of the triangle of ``[1 | Q]``, what it makes of the reading, and its norm.
+        """Inverse of the triangle of ``[1 | Q]``, coefficients, norm.
 
         Shapes (1 + p, 1 + p), (1 + p,). None in place of an inverse that does not exist.
         """
@@ -346,7 +346,7 @@ class BorderedFactor:
         return spread, made, float(np.sqrt(squares))
 
     def _left(self, found: Floats) -> float:
-        """Sum of squares of what the coefficients of ``[1 | Q]`` leave of the readings."""
+        """Sum of squares of the residuals of ``[1 | Q]``."""
         shared, squares = np.append(-found[self.shared[:-1]], 1.0), 0.0
         for group in self.groups:
             missed = group.rows[:, :, group.k :] @ shared

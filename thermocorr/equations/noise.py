@@ -1,4 +1,4 @@
-"""Noise of white and Ornstein-Uhlenbeck parts, estimated by Whittle's likelihood from one record or several.
+"""White and Ornstein-Uhlenbeck noise by Whittle's likelihood.
 
 The cosine transform (DCT-II) of each segment is the Karhunen-Loeve transform of a first-order Markov noise as its
 correlation goes to one, ends and all (Ahmed, Natarajan & Rao, IEEE Trans. Comput. C-23, 1974; Clarke, IEE Proc. F 128,
@@ -45,7 +45,7 @@ SMALLEST = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """The cosine transform of segments, its rows in order of frequency and gathered in bands; the noise in each."""
+    """Cosine transform of segments, gathered in bands of frequency."""
 
     segment: np.ndarray
     """Number of the segment of each row, shape (n,), rows of a segment side by side and evenly spaced."""
@@ -60,7 +60,7 @@ class Bands:
 
     @cached_property
     def angle(self) -> np.ndarray:
-        """Angular frequency of each row of the transform of each segment [rad per row], shape (n,)."""
+        """Angular frequency of each transformed row [rad per row]."""
         sizes = [piece.stop - piece.start for piece in self.pieces]
         return np.concatenate([np.pi * np.arange(size) / size for size in sizes])
 
@@ -95,14 +95,14 @@ class Bands:
 
     @cached_property
     def parts(self) -> np.ndarray:
-        """Power of each part of the noise in each band, shape (bands, parts): white first, unit variance each."""
+        """Power of each part in each band; white comes first."""
         kept = np.exp(-1 / self.times)  # correlation of neighbouring rows
         powers = (1 - kept**2) / (1 - 2 * kept * np.cos(self.middle)[:, None] + kept**2)
         return np.column_stack((np.ones(len(self.middle)), powers))
 
     @cached_property
     def exact_parts(self) -> np.ndarray:
-        """`parts`, exact for the means of segments: other cosines hold the slowest noise well, these do not."""
+        """`parts` with the exact power of the means of segments."""
         parts, kept = self.parts.copy(), np.exp(-1 / self.times)
         sizes = np.array([piece.stop - piece.start for piece in self.pieces], float)
         lengths = np.concatenate([np.where(np.arange(size) == 0, size, 0.0) for size in sizes])[self.order]
@@ -118,7 +118,7 @@ class Bands:
         return np.asarray(np.add.reduceat(rows, self.starts, axis=0))
 
     def forward(self, columns: np.ndarray) -> np.ndarray:
-        """Orthonormal cosine transform of each segment, rows in order of frequency, in Fortran order."""
+        """Orthonormal cosine transform, in order of frequency."""
         each = np.ascontiguousarray(columns.T)
         if len(self.pieces) == 1:  # stands in order
             return np.asarray(dct(each, axis=1, norm="ortho").T)
@@ -136,12 +136,12 @@ class Bands:
         return result
 
     def each_row(self, of_bands: np.ndarray) -> np.ndarray:
-        """A figure of each band at each of its rows, in order of frequency."""
+        """A value per band at each of its rows."""
         return np.repeat(of_bands, self.sizes)
 
 
 def times_from_one(n: int) -> np.ndarray:
-    """Correlation times of one row and more, up to `LONGEST` of n rows [rows]."""
+    """Correlation times from one row up to `LONGEST` [rows]."""
     return np.asarray(RATIO ** np.arange(max(0, int(np.log(LONGEST * n) / np.log(RATIO)) + 1)))
 
 
@@ -152,7 +152,7 @@ def times_down_from(longest: float) -> np.ndarray:
 
 
 def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Variances of the parts of the noise that make Whittle's likelihood largest, for many records at once.
+    """Variances that maximise Whittle's likelihood, for many records.
 
     `parts` (array of shape (bands, parts)): `Bands.parts`. `share` (array of shape (bands,)): Rows of each band less
     what a model has taken of them: degrees of freedom. `power` (array of shape (bands, records)): Sum of squares in
@@ -167,12 +167,12 @@ def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start:
 
 
 def whittle(share: np.ndarray, power: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """Log likelihood of sums of squares of bands under powers S, both of shape (bands, records)."""
+    """Log likelihood of sums of squares under powers S."""
     return np.asarray(-0.5 * np.sum(share[:, None] * np.log(S) + power / S, axis=0))
 
 
 def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> np.ndarray:
-    """Number of the span of each row: noise goes on over short pauses, though heat may have to start anew.
+    """Number of the noise's span at each row.
 
     A pause is short against what lies before or after it, or against the whole; between runs none is.
 
@@ -192,7 +192,7 @@ def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> n
 
 
 class Kernel(NamedTuple):
-    """Inverse covariance of a noise k rows apart: white (1[k = 0] - sum of size ratio^|k|)."""
+    """Inverse covariance of a noise at lag k [rows]."""
 
     white: float
     sizes: np.ndarray
@@ -200,7 +200,7 @@ class Kernel(NamedTuple):
 
 
 def inverse_kernel(theta: np.ndarray, times: np.ndarray) -> Kernel:
-    """Inverse covariance of white noise under Ornstein-Uhlenbeck parts, far from the ends of a record.
+    """Inverse covariance far from the ends of a record.
 
     The inverse of white noise under Ornstein-Uhlenbeck parts is white noise less as many decaying exponentials: with
     s = 1 - cos(angle), each part is a/(b + s), so that the power is a rank-one matrix's resolvent, and its inverse
@@ -219,7 +219,7 @@ def inverse_kernel(theta: np.ndarray, times: np.ndarray) -> Kernel:
 
 
 def decaying_sums(columns: np.ndarray, ratio: float) -> np.ndarray:
-    """``d[k] = ratio d[k-1] + x[k]`` down each column, shape (n, c): what a part of `inverse_kernel` carries along."""
+    """``d[k] = ratio d[k-1] + x[k]`` down each column."""
     sums = np.array(columns, float, order="F")
     if len(sums) < 2:
         return sums
@@ -273,7 +273,7 @@ def made_from(column: Floats, reading: Floats) -> bool:
 
 
 def shows_the_same(column: Floats, reading: Floats) -> bool:
-    """True if a column shows the numbers that the reading shows, as a second meter on the same source does.
+    """True if a column repeats the reading.
 
     `column`, `reading` (arrays of shape (n,)): Rows in which either is missing are passed over.
 
@@ -296,7 +296,7 @@ def shows_the_same(column: Floats, reading: Floats) -> bool:
 
 
 def _is_line(column: Floats, reading: Floats) -> bool:
-    """True if a column is the reading in other units, or rounded: a cause never explains all of the noise too."""
+    """True if a column is the reading, rescaled or rounded."""
     left = 1 - np.corrcoef(reading, column)[0, 1] ** 2
     if left < OF_NOISE and left * np.var(reading) < OF_NOISE * _white(reading):  # counts, a rounded copy
         return True
@@ -319,7 +319,7 @@ def _white(reading: Floats) -> float:
 
 
 def _is_smoothed(column: Floats, reading: Floats) -> bool:
-    """True if a column is a mean, a low pass or an earlier value of the reading.
+    """True if a column averages or delays the reading.
 
     By the spectra of their steps: a step has less of what is slow, which would leak into everything.
     """
@@ -352,7 +352,7 @@ def _follows(column: Floats, reading: Floats) -> bool:
 
 
 def _stretches(values: Floats) -> Floats:
-    """The values, or stretches of them that are evenly spread, shape (stretches, rows)."""
+    """Evenly spread stretches of the values, shape (stretches, rows)."""
     if len(values) <= STRETCH * STRETCHES:
         return values[None]
     starts = np.linspace(0, len(values) - STRETCH, STRETCHES).astype(int)
@@ -366,7 +366,7 @@ def _spectrum(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.complex128
 
 
 def _is_white(frequency: Floats, power: Floats) -> bool:
-    """True if a reading whose steps have this power has as much noise in either of two octaves."""
+    """True if both octaves hold the same noise."""
     own = power / (2 - 2 * np.cos(2 * np.pi * frequency))
     half = len(own) // 3
     return bool(1 / WHITE < np.mean(own[:half]) / np.mean(own[half:]) < WHITE)

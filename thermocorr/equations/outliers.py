@@ -1,4 +1,4 @@
-"""Values that are no measurements: codes for none, isolated spikes, repeated values.
+"""Values that are no measurements: codes, isolated spikes, repeats.
 
 A spike is told from what a device really does by three things. It is alone or one of a pair, and what comes after it
 agrees with what came before: a step, a pulse that decays, a warm-up do not return. It is far beyond the record's own
@@ -70,12 +70,12 @@ class Usual:
         return self.high - self.low
 
     def outside(self, values: Floats, ranges: float = 1.0) -> Booleans:
-        """True if values lie so many ranges beyond nine tenths of the readings, shape (n,), booleans."""
+        """True where values lie many ranges beyond the others."""
         return np.asarray((values < self.low - ranges * self.range) | (values > self.high + ranges * self.range))
 
 
 def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
-    """Estimate the usual range and noise of `n_rows` readings from stretches (NaN: missing)."""
+    """Estimate the usual range and noise of `n_rows` readings."""
     apart = np.full(1, np.nan)  # between two stretches
     whole = np.concatenate([np.zeros(0), *(part for stretch in stretches for part in (apart, stretch))])
     fits = np.abs(whole) < OVERLOAD  # NaN does not
@@ -103,7 +103,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
 
 
 def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
-    """Height of the largest of `n_rows` peaks, by a power law: what a share exceeds, and ten times it."""
+    """Expected height of the largest of `n_rows` peaks."""
     often = min(10 * rare, 0.3)
     q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)
     growth = max(q_rare / max(q_often, noise), 1.0) ** (1 / np.log10(often / rare))
@@ -114,7 +114,7 @@ def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
 
 
 def _below_a_gap(peaks: Floats, noise: float) -> float:
-    """Height within the lowest gap of the sorted peaks that no power law has; infinite where there is none.
+    """Height of the lowest gap that no power law explains.
 
     Of a tail like 1 / height the k-th largest is twice the next once in 2^k records, of lighter ones still less often.
     """
@@ -131,14 +131,14 @@ def _share(ordered: Floats, share: float) -> float:
 
 
 def _noise(steps: Floats) -> float:
-    """Standard deviation of white noise with these steps, from their median; 0 where nothing moves."""
+    """Standard deviation of white noise, from the median step."""
     sizes = np.abs(steps)
     moved = np.sort(sizes[sizes > 0])  # a quantised reading stands still most of the time
     return float(DEVIATION * _share(moved, 0.5)) if len(moved) else 0.0
 
 
 def peak_heights(steps: Floats) -> Floats:
-    """Heights of peaks of one row over the nearer neighbour, 0 where there is none; from the steps, shape (n - 1,)."""
+    """Heights of one-row peaks over the nearer neighbour."""
     up, down = steps[:-1], steps[1:]
     heights = np.minimum(np.abs(up), np.abs(down))
     heights[~(up * down < 0)] = 0.0  # nor where one is missing
@@ -175,7 +175,7 @@ class Found(NamedTuple):
     """Rows that repeat the one before, where readings are repeated."""
 
     def true_spikes(self, n_rows: int) -> Rows:
-        """Spikes, not jumps of the device itself: at least half of the jumps within a factor of 2 in size return."""
+        """Spikes that return; none where most jumps stay."""
         if not len(self.spikes) or len(self.spikes) > MOST * n_rows:
             return self.spikes[:0]
         stay, turn = (_alike(self.heights, others) for others in (self.staying, self.heights))
@@ -183,7 +183,7 @@ class Found(NamedTuple):
 
 
 def _alike(sizes: Floats, others: Floats) -> NDArray[np.intp]:
-    """Number of other sizes within a factor of 2 of each size."""
+    """Number of other sizes within a factor of 2."""
     ordered = np.sort(others)
     return np.searchsorted(ordered, 2 * sizes, "right") - np.searchsorted(ordered, sizes / 2)
 
@@ -204,7 +204,7 @@ def found_in(read: Callable[[int, int], Floats], stretches: Iterable[tuple[int, 
 
 
 def _found(values: Floats, first: int, decided: tuple[int, int], usual: Usual) -> Found:
-    """`found_in` some rows, the first of which has a number; of others than those `decided` on, nothing is said."""
+    """Codes and spikes in some rows, numbered from the first."""
 
     def inside(rows: Rows) -> Booleans:
         return (rows >= decided[0]) & (rows < decided[1])
@@ -231,7 +231,7 @@ def _found(values: Floats, first: int, decided: tuple[int, int], usual: Usual) -
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:
-    """True if readings are codes: entered and left by jumps to usual readings, or to the end; shape (n,), booleans."""
+    """True if readings are codes, entered and left by jumps."""
     found = np.zeros(len(values), bool)
     beyond = usual.outside(values)
     if not beyond.any():
@@ -251,7 +251,7 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
 
 
 def _peaks(values: Floats, usual: Usual) -> tuple[Rows, Floats, Rows]:
-    """Rows of peaks of one or two rows beyond the reach, their heights, and the rows of jumps that stay."""
+    """Rows and heights of peaks, and jumps that stay."""
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps) > usual.reach)
     lengths, heights = np.zeros(len(far), np.intp), np.zeros(len(far))
@@ -273,7 +273,7 @@ def _peaks(values: Floats, usual: Usual) -> tuple[Rows, Floats, Rows]:
 
 
 def _returned(values: Floats, first: Rows, length: int, usual: Usual) -> tuple[Booleans, Floats]:
-    """True if the rows from each of `first` on are far from those before and after, which agree, and from the noise
+    """True where rows leave the level around them.
     nearby; and how far they are.
     """
     returned, heights = np.zeros(len(first), bool), np.zeros(len(first))
@@ -291,7 +291,7 @@ def _returned(values: Floats, first: Rows, length: int, usual: Usual) -> tuple[B
 
 
 def _noise_beside(values: Floats, first: Rows, length: int) -> Floats:
-    """`_noise` of the rows nearby, before and after those from each of `first` on."""
+    """Noise of the rows around each of `first`."""
     rows = first[:, None] + np.concatenate((np.arange(-NEARBY, 0), np.arange(length, length + NEARBY)))
     near = values.take(rows, mode="clip")
     near[(rows < 0) | (rows >= len(values))] = np.nan

@@ -1,4 +1,4 @@
-"""Moments, robust scales and usual steps of values that come in blocks."""
+"""Moments, robust scales and usual steps, block by block."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def moving_average(values: Floats, window: int) -> Floats:
 
 
 class MovingAverage:
-    """Mean of the last `count` values, eq. (26): looking back only, since a stream has no future.
+    """Mean of the last `count` values, eq. (26).
 
     NaN leave it as it is, and get NaN.
     """
@@ -75,7 +75,7 @@ class MovingAverage:
 
 
 def _window_sums(values: np.ndarray, count: int) -> np.ndarray:
-    """Sums over the last `count` values, of fewer at the beginning, shape (n,).
+    """Sums over the last `count` values, shape (n,).
 
     A window is the end of one stretch of `count` values and the beginning of the next (van Herk 1992, Pattern
     Recognition Letters 13, 517): nothing is subtracted, so an absurd value is gone when it has left the window.
@@ -90,7 +90,7 @@ def _window_sums(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def reduction_db(after: float, before: float) -> float:
-    """20 log10(std after / std before) [dB]; negative is good, as in the paper's table.
+    """20 log10(std after / std before) [dB]; negative is good.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def reduction_db(after: float, before: float) -> float:
 
 
 def white_part(series: Sequence[Floats]) -> float:
-    """Variance of white noise in evenly spaced series: the nugget of the structure function of their third differences.
+    """Variance of the white part of evenly spaced series.
 
     Differences of order m take out what moves smoothly, and leave of white noise its variance times the binomial
     coefficient (2 m over m) (variate differences: Anderson, Nature 120, 1927). What they leave of a wander grows with
@@ -162,7 +162,7 @@ class Moments(NamedTuple):
         return cls(len(values), mean, float(centred @ centred), float(values.min()), float(values.max()))
 
     def merged(self, other: Moments) -> Moments:
-        """Moments of two sets of values together (Chan, Golub & LeVeque 1983, American Statistician 37, 242)."""
+        """Moments of two sets joined, Chan, Golub & LeVeque (1983)."""
         n = self.n + other.n
         if not n:
             return self

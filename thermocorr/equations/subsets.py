@@ -1,4 +1,4 @@
-"""Held-out errors of many candidate sets of columns, from two triangles per fold and nothing else.
+"""Held-out errors of many sets of columns, from two triangles.
 
 A fold is a triangle R of what is learned and one of what is tested. Free columns (1, the static law) stand in every
 set: they are eliminated once. Then every column is a short vector of some fifty numbers on either side, and a set is
@@ -26,7 +26,7 @@ _DEPENDENT = 1e-24
 
 @dataclass(frozen=True)
 class Fold:
-    """One fold, free columns eliminated: a column per row, the reading last but one, a zero column last."""
+    """One fold after elimination of the free columns."""
 
     learned: Floats
     """Shape (p + 2, m): columns of unit length on the side that is learned."""
@@ -36,7 +36,7 @@ class Fold:
 
     @property
     def n_columns(self) -> int:
-        """p, the columns to choose from; -1 stands for the zero column."""
+        """p, the columns to choose from; -1 stands for zero."""
         return len(self.learned) - 2
 
 
@@ -68,7 +68,7 @@ def fold_of(
 
 
 def solve_free(r: Floats, n_free: int, right: Floats) -> Floats:
-    """Coefficients of the free columns for given right-hand sides, smallest where they depend on each other.
+    """Minimum-norm coefficients of the free columns.
 
     The 1 comes first: a column that is constant in what is learned, as the step of a run not seen, gets none.
     """
@@ -95,7 +95,7 @@ def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
 
 
 def _squares_in_batches(learned: Floats, tested: Floats, sets: Integers, out: Floats) -> None:
-    """Sum of squares that each set leaves of the tested reading: many sets at a time, side by side in memory."""
+    """Squared test error of each set, many sets at once."""
     m, both = learned.shape[1], np.vstack((learned.T, tested.T))
     # Numbers worked on at a time: they stay in the cache
     size = max(1, (1 << 17) // ((sets.shape[1] + 1) * len(both)))

@@ -52,7 +52,7 @@ class FirmwareExport:
 def export_c(
     model: Any, path: str | Path, *, name: str | None = None, force: bool = False, inputs: Iterable[str | Path] = ()
 ) -> FirmwareExport:
-    """Write a fitted model as C99: `<name>.h`, `<name>.c` and the self-test `<name>_test.c`.
+    """Write a fitted model as C99, with a self-test.
 
     The code takes no heap and keeps all it remembers in one struct. ``init`` starts a device anew; ``update`` takes the
     time since the sample before [s], a temperature, a reading (and recorded columns), and gives bias, corrected reading
@@ -167,7 +167,7 @@ def _about(model: Any, name: str, program: Program) -> dict[str, Any]:
 
 
 def _trial(model: Any, removed: list[int], program: Program) -> dict[str, Any]:
-    """The self-test: inputs that go through their fitted ranges no faster than they did, as a device that starts takes
+    """The self-test: inputs within their fitted ranges and rates.
     them.
     """
     history, kept = model.features_.history_, model.features_.history_.record

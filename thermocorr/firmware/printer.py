@@ -1,4 +1,4 @@
-"""Names and comments of C from texts of the user's."""
+"""C from formulas; names and comments in C."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SIGNS = str.maketrans({"\u00b0": "deg", "\u03bc": "u", "\u03a9": "Ohm", "\u00df
 
 
 def comment(text: object) -> str:
-    """Text of the user's for a comment: one line of ASCII that neither ends the comment nor goes on behind its line.
+    """Text for a comment, one safe line of ASCII.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def comment(text: object) -> str:
 
 
 def identifier(text: object, taken: set[str], fallback: str) -> str:
-    """An identifier close to a text of the user's that is not in `taken`, to which it is added."""
+    """A new identifier close to a text."""
     plain = unicodedata.normalize("NFKD", str(text)).encode("ascii", "ignore").decode()
     name = re.sub(r"[^0-9A-Za-z]+", "_", plain).strip("_") or fallback
     name = f"{fallback}_{name}" if name[0].isdigit() else name
@@ -53,7 +53,7 @@ def identifier(text: object, taken: set[str], fallback: str) -> str:
 
 
 def prefix(text: object) -> str:
-    """The user's name for an export: prefix of all that the code shows outside, and name of its files."""
+    """The user's prefix of names and files."""
     name = identifier(text, set(), DEFAULT)
     return f"{DEFAULT}_{name}" if name.lower() in _UNFIT else name
 
@@ -64,7 +64,7 @@ MOST_KEPT = 4096
 
 
 def number(value: float) -> str:
-    """A double in C that reads back to the last digit; ValueError for infinity and NaN.
+    """A double in C with all digits, or ValueError.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def _print(node: Node, program: Program, began: float, usual_step: float) -> Non
 
 
 def _word(node: Node, word: Any, a: list[str], program: Program, usual_step: float) -> str:
-    """The call of a word with a memory; "" for one that gives several values, or none."""
+    """The call of a stateful word, or ""."""
     k = node.number
     match word:
         case Lag():

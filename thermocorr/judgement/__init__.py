@@ -1,4 +1,4 @@
-"""Floor 6: judgement: what is missing in a model, where it fails, its refinement."""
+"""Judgement: what is missing, where, and its refinement."""
 
 from .diagnose import diagnose
 from .refine import Refinement, refine

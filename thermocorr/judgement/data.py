@@ -1,4 +1,4 @@
-"""The data of a judgement: columns under suspicion, the base it stands on, and residuals."""
+"""The data of a judgement: suspect columns, base, residuals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .levels import APART, FASTEST, FEWEST_SAMPLES, LAGS, MOST_ROWS, MOST_SOUND,
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
-    """The record with short holes in suspect columns filled by straight lines; columns with more missing left out.
+    """The record with short holes in columns interpolated.
 
     Columns that are `used`, the temperature among them, stay as they are: rows that lack one are passed over.
     """
@@ -44,7 +44,7 @@ def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST
 
 @dataclass(frozen=True)
 class ThermalBase:
-    """The base: what the model has, with lags of its own in the place of the model's slow ones."""
+    """The model's columns, its slow lags replaced."""
 
     effects: list[Effect]
     """Static law, fast and middle lags, the model's further effects."""
@@ -69,7 +69,7 @@ class ThermalBase:
 
 
 def _slowest(record: Record) -> float:
-    """Time constant of the slowest lag of the base [s]: a share of all segments together, none longer than a segment.
+    """Time constant of the base's slowest lag [s].
 
     It is at least a few samples long, however short the segments.
     """
@@ -78,7 +78,7 @@ def _slowest(record: Record) -> float:
 
 
 def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
-    """Residual of each row of the judged record, NaN where there is none, and the rms residual of single readings.
+    """Residuals of the judged record, and their rms.
 
     `model` (DynamicBiasRegressor): Fitted. `read` (Record): The user's record with its readings, see `record_of`.
     `judged` (Record): What `suspect_record` made of it.
@@ -90,7 +90,7 @@ def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> t
 
 
 def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterator[tuple[Block, np.ndarray]]:
-    """Residuals block by block, NaN where the screen of a model's fit would refuse the reading or the temperature."""
+    """Residuals block by block, NaN for screened rows."""
     refused = np.concatenate([np.zeros(0, np.intp), *(found.rows for found in judged.refused if model.screen)])
     places = refused if read.order is None else np.flatnonzero(np.isin(read.order, refused))
     for block, values in model._residual_blocks(read):
@@ -100,13 +100,13 @@ def _blocks(model: DynamicBiasRegressor, read: Record, judged: Record) -> Iterat
 
 
 def quiet_share(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> float:
-    """Rms residual outside of stretches of loud noise, first and last time [s], over that of all rows."""
+    """Rms residual outside loud stretches, over that of all."""
     quiet = quiet_rows(residual, record, loud)
     return rms(quiet) / max(rms(residual), 1e-300) if loud and np.isfinite(quiet).any() else 1.0
 
 
 def quiet_rows(residual: np.ndarray, record: Record, loud: Sequence[tuple[float, float]]) -> np.ndarray:
-    """The residual of rows outside of stretches of loud noise, first and last time [s]."""
+    """The residual outside loud stretches [s]."""
     if not loud:
         return residual
     seconds = record.times.seconds(np.arange(len(residual)), record.first_stamp())
@@ -114,7 +114,7 @@ def quiet_rows(residual: np.ndarray, record: Record, loud: Sequence[tuple[float,
 
 
 def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Effect] = ()) -> Record:
-    """The user's record with its readings and the columns that model and further effects use."""
+    """The user's record with all columns that effects use."""
     check_columns(model.features_, as_fitted(model, X), reset=False)
     own = [name for effect in (*model.features_.effect_list(), *further) for name in effect.inputs()]
     features = model.features_
@@ -123,7 +123,7 @@ def record_of(model: DynamicBiasRegressor, X: Any, y: Any, further: Sequence[Eff
 
 
 def suspect_record(model: DynamicBiasRegressor, read: Record, X: Any, y: Any, columns: Sequence[Any] | None) -> Record:
-    """A record of `record_of` in memory, with every suspect column beside its own.
+    """A record in memory with every suspect column.
 
     Its `refused` rows are left out as the model leaves them out in its fit, or only named.
     """
@@ -193,7 +193,7 @@ def _clock(column: np.ndarray, read: Record) -> bool:
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
-    """The columns of a frame that the model was fitted with; it may hold more, all of them suspects."""
+    """The columns of a frame that the model needs."""
     names = list(getattr(model, "feature_names_in_", ()))
     if not (names and is_frame(X) and set(names) < set(X.columns)):
         return X
@@ -201,7 +201,7 @@ def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:
 
 
 def candidates_of(record: Record, exclude: Collection[str], further: Any) -> list[Effect]:
-    """All suspects of a record: those of the catalogue, and a user's own.
+    """All suspects, the catalogue's and the user's.
 
     Effects and transformers of the user's are taken as they are, classes of effects over their range.
     """

@@ -1,4 +1,4 @@
-"""`diagnose`: whether anything is missing in a fitted model, what, and what of it is worth adding."""
+"""`diagnose`: what is missing, and what is worth adding."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from .where import where_it_fails
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """A term, in the form in which it helps most, and what it is worth."""
+    """A term in its most helpful form, and its worth."""
 
     term: Term
     effect: Effect
@@ -67,7 +67,7 @@ class Cause:
 
 
 def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Cause], list[Cause]]:
-    """Confirmed causes, the largest fall of the error first, and causes that are proven alone.
+    """Confirmed causes by worth, and proven ones.
 
     One is added after the other, or two at once where one hides what the other is worth; and left out again where it is
     worth nothing given those that came later.
@@ -93,7 +93,7 @@ def by_worth(pool: Pool, terms: Sequence[Term], search: Search) -> tuple[list[Ca
 
 
 def _best_pair(left: Sequence[_Offer], held: OutOfSample) -> list[_Offer]:
-    """The two of which each is worth most given the other, or none."""
+    """The pair that is worth most together."""
     best, most = list[_Offer](), 0.0
     for one, other in combinations(left, 2):
         if one.weigh(held.with_columns(other.columns)) and other.weigh(held.with_columns(one.columns)):
@@ -109,7 +109,7 @@ def _beside(pool: Pool, kept: Sequence[_Offer], one: _Offer) -> OutOfSample:
 
 
 def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
-    """Thermal part that the model lacks: at most one lag, delay, rate or lead, if it helps much.
+    """At most one thermal effect that the model lacks.
 
     Other effects are judged given many lags, so that a poor thermal part makes none of them look guilty. Where none
     was found, what the model's few lags leave is looked at.
@@ -142,7 +142,7 @@ class _Offer:
         ]
 
     def weigh(self, held: OutOfSample) -> bool:
-        """True if it is worth adding to a model, in the form that clearly helps most."""
+        """True if it is worth adding, in its best form."""
         worths = [held.worth([columns], self.moment)[0] for _, columns in self.forms]
         best = 0
         for k in range(1, len(worths)):
@@ -154,14 +154,14 @@ class _Offer:
         return self.worth.adds(*self.asked)
 
     def settle(self, held: OutOfSample) -> None:
-        """Weigh it for the last time: errors without it and with it."""
+        """Final errors without it and with it."""
         self.weigh(held)
         self.before = held.later_rms(self.moment)
         self.after = held.with_columns(self.columns).later_rms(self.moment)
 
     @property
     def cause(self) -> Cause:
-        """It, where it is worth adding; as it was found is among what it cannot be told apart from."""
+        """The cause, if it is worth adding."""
         return self._as(self.effect, self.worth)
 
     @property
@@ -177,7 +177,7 @@ class _Offer:
 
 
 def _forms(pool: Pool, effect: Effect) -> list[Effect]:
-    """Another form of a recorded column: with a spectrum of lags, as a further thermometer has it."""
+    """A recorded column with a spectrum of lags."""
     if not isinstance(effect, Covariate | LaggedCovariate):
         return []
     power = effect.get_params(deep=False).get("power", 1)
@@ -195,7 +195,7 @@ def diagnose(
     suspects: Sequence[Any] = (),
     progress: Progress = None,
 ) -> Diagnosis:
-    """Find out whether a physical effect is missing in a fitted model, and which.
+    """Find which physical effect is missing in a fitted model.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def diagnose(
 
 
 def out_of_sample(model: DynamicBiasRegressor, X: Any, y: Any) -> OutOfSample:
-    """Errors of a fitted model on data that it was not learned from, as its diagnosis has them."""
+    """Errors of a fitted model on unseen data, by time."""
     with one_blas_thread():
         read = record_of(model, X, y)
         base = ThermalBase.of(model, read)
@@ -332,7 +332,7 @@ def _conclude(
 
 
 def _not_silently(term: Term) -> Term:
-    """A slow lag of the model as what it cannot be told from, where that is proven as well; else as it is.
+    """A slow lag as a rival, where it is proven too.
 
     The model has taken for a slow body what may as well be a drift: that it has it already is not to be passed over.
     """
@@ -344,7 +344,7 @@ def _not_silently(term: Term) -> Term:
 
 
 def _as_likely_as_the_start(terms: Sequence[Term]) -> tuple[str, ...]:
-    """Labels of what goes on with time, and is as likely as the start of the record that the model takes for it."""
+    """Labels of rivals of the record's start."""
     starts = [term for term in terms if term.tried.explanation.is_start]
     rivals = [t for start in starts for t in start.alike if t.proven and t.score >= start.tried.score]
     effects = [t.explanation.effect for t in rivals if not t.explanation.in_model]
@@ -352,7 +352,7 @@ def _as_likely_as_the_start(terms: Sequence[Term]) -> tuple[str, ...]:
 
 
 def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], ...]:
-    """Intervals as dates where the record has dates, in UTC where it has a time zone."""
+    """Intervals as dates, in UTC, where there are dates."""
     kind = record.times.kind
     since = record.since_1970()
     if since is None:
@@ -363,7 +363,7 @@ def _dates(record: Record, ends: Sequence[Interval]) -> tuple[tuple[Any, Any], .
 
 
 def _title(effect: Effect, start: float | None, degrees: str) -> str:
-    """An effect as in `Effect.title`, but a moment as a date where the record has dates, and a width with its unit."""
+    """Title of an effect, with dates and units."""
     parameters = {} if effect.info is None else effect.info.parameters
     said = [name for name, what in parameters.items() if what in (SINCE_START, TEMPERATURE_DIFFERENCE)]
     if not said or any(isinstance(getattr(effect, name), list | tuple) for name in said):
@@ -372,7 +372,7 @@ def _title(effect: Effect, start: float | None, degrees: str) -> str:
 
 
 def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], pool: Pool, noise: float) -> FoundSuspect:
-    """A cause as the reader sees it; `noise` is that of one reading."""
+    """A cause as the reader sees it."""
     term, falls = cause.term, cause.worth.clearest
     found = [t for t in (term.tried, *term.alike) if not t.explanation.in_model]
     alike = [clone(t.explanation.effect) for t in found if t.explanation.effect is not cause.effect]

@@ -1,4 +1,4 @@
-"""Thresholds of the judgement.
+"""Thresholds of the judgement, with their evidence.
 
 What changes when one of them is halved or doubled is printed by `benchmarks/value.py --level NAME=VALUE`. The campaigns
 behind them are `benchmarks/hidden_effects.py` (simulated devices), `benchmarks/null_records.py` (nothing hidden,

@@ -1,4 +1,4 @@
-"""`refine`: add what is worth adding, one effect after the other, and watch the error fall."""
+"""`refine`: add effects while the later error falls."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Refinement(RefinementPage):
 
     @property
     def moment(self) -> float | None:
-        """Share of the record before the last of the added effects that has a date; None for none."""
+        """Last dated share of the record among added effects."""
         return _last_moment(self.added)
 
     def __str__(self) -> str:
@@ -74,7 +74,10 @@ class Refinement(RefinementPage):
     __repr__ = __str__
 
     def plot(self) -> Any:
-        """Draw the steps, and what is suspected after the last one; returns the figure (extra "plot")."""
+        """Draw the steps and the last suspects (extra "plot").
+
+        Returns the figure.
+        """
         from ..output.diagnosis_displays import plot_refinement
 
         return plot_refinement(self)
@@ -172,7 +175,7 @@ def _confirmed(
     wanted: dict[str, Any],
     say: Callable[[str], None],
 ) -> tuple[DynamicBiasRegressor, Diagnosis, list[FoundSuspect]] | None:
-    """The model with all of some causes, or else with the first one that the fitted model confirms; None for none."""
+    """The model with confirmed causes; None for none."""
     each = [[cause] for cause in causes]
     for some in each if len(each) == 1 else [list(causes), *each]:
         title, extended = " and ".join(cause.effect.title() for cause in some), model
@@ -220,7 +223,7 @@ def _steps(diagnoses: Sequence[Diagnosis], added: Sequence[Sequence[FoundSuspect
 
 
 def with_fitted_causes(diagnosis: Diagnosis, model: DynamicBiasRegressor, X: Any, y: Any, most: int = 3) -> Diagnosis:
-    """The diagnosis of a model, its first causes with the error that the model fitted with each of them alone has.
+    """The diagnosis, errors of its first causes fitted.
 
     Of these, one that does not lower the error on later stretches is a cause no more.
     """
@@ -241,7 +244,7 @@ def with_fitted_causes(diagnosis: Diagnosis, model: DynamicBiasRegressor, X: Any
 
 
 def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegressor:
-    """An unfitted copy with one effect more; a missing lag of temperature, a column or a knee joins those there are.
+    """An unfitted copy with one effect more.
 
     Products of lags are those of the model: what is better or worse is so for the effect.
     """
@@ -265,7 +268,7 @@ def with_missing(model: DynamicBiasRegressor, effect: Effect) -> DynamicBiasRegr
 
 
 def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dict[str, Any]:
-    """Choices of a fitted model with further time constants of one thermometer; None is the first."""
+    """Choices with further time constants of one thermometer."""
     found = dict(model.thermometers_)
     name = next(iter(found)) if thermometer is None else thermometer
     found[name] = np.unique([*found[name], *seconds_array(more)])
@@ -274,6 +277,6 @@ def _with_times(model: DynamicBiasRegressor, thermometer: Any, more: Any) -> dic
 
 
 def same_but_for_lags(one: Effect, other: Effect) -> bool:
-    """True if two effects that may have lags of their own, knees or columns, differ in these at most."""
+    """True if two effects differ in lags alone."""
     params = [{k: v for k, v in e.get_params(deep=False).items() if k != "time_constants"} for e in (one, other)]
     return type(one) is type(other) and params[0] == params[1]

@@ -1,4 +1,4 @@
-"""Results of a diagnosis: causes, when they happened, and the unexplained residual."""
+"""Results of a diagnosis: causes, moments, and the rest."""
 
 from __future__ import annotations
 
@@ -119,12 +119,12 @@ class Left:
 
     @property
     def absurd(self) -> bool:
-        """True if a few readings make most of the residual: no noise has such tails."""
+        """True if a few readings make most of the residual."""
         return self.tails > TAILS and not self.rounding
 
     @property
     def of_thermometers(self) -> bool:
-        """True if what wanders is no more than the errors of the thermometers make in the reading."""
+        """True if thermometer errors explain the wandering."""
         return self.structured and self.wandering <= OF_THERMOMETER * together(self.thermometers)
 
     @property
@@ -134,7 +134,7 @@ class Left:
 
 
 def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = ()) -> Left:
-    """Describe the noise given the last base, and the residual of each row; name what is `copied`."""
+    """Describe the residual given the last base."""
     pool, judged = search.pool, search.judged
     loud = _loud(pool)
     theta, counts = judged.base.theta, float(np.median(pool.data.counts))
@@ -181,7 +181,7 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
 
 
 def _matters_from(theta: np.ndarray, times: np.ndarray, counts: float, longest: float) -> int:
-    """Readings in the shortest mean in which the wandering noise is larger than the white one; 0 for none.
+    """Readings from which wandering exceeds white noise.
 
     `theta` (array): Variances of the parts of a row's noise, white first. `times` (array): Correlation times of the
     others [rows]. `counts` (float): Readings in a row. `longest` (float): Mean that is looked at [rows].
@@ -194,7 +194,7 @@ def _matters_from(theta: np.ndarray, times: np.ndarray, counts: float, longest: 
 
 
 def _is_gaussian(judged: Comparison) -> bool:
-    """True if fourth moments of what is left, and of its steps, are those of Gaussian noise.
+    """True for Gaussian fourth moments.
 
     What is switched has two levels or rare large steps: popcorn noise is no filter's.
     """
@@ -204,7 +204,7 @@ def _is_gaussian(judged: Comparison) -> bool:
 
 
 def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
-    """Means of neighbouring bands, `TO_A_DECADE` of them, in which the power of a few rows would jump about."""
+    """Power smoothed over `TO_A_DECADE` bands."""
     bands, theta = judged.bands, judged.base.theta
     kept = bands.middle > 0
     frequency = bands.middle[kept] / (2 * np.pi * pool.spacing)
@@ -241,7 +241,7 @@ def _loud(pool: Pool) -> tuple[Loud, ...]:
 
 
 def _tails(residual: np.ndarray) -> float:
-    """Rms over the standard deviation of Gaussian noise of which nine tenths are as small; 1 where that is nothing."""
+    """Rms over the Gaussian rms of the inner nine tenths."""
     sizes = residual[np.isfinite(residual)]
     np.abs(sizes, out=sizes)
     whole = rms(sizes)
@@ -250,7 +250,7 @@ def _tails(residual: np.ndarray) -> float:
 
 
 def _spikes(pool: Pool) -> tuple[float, ...]:
-    """Times of the readings that were left out, the farthest from the usual one first."""
+    """Times of left-out readings, the farthest first."""
     rows, record = np.flatnonzero(pool.rows.spikes), pool.record
     refused = [found for found in record.refused if found.what == "reading" and found.reason != REPEAT]
     seconds = [*(found.seconds for found in refused), pool.data.seconds[rows]]
@@ -260,7 +260,7 @@ def _spikes(pool: Pool) -> tuple[float, ...]:
 
 
 def as_one(found: Sequence[FoundSuspect], record: Record) -> list[FoundSuspect]:
-    """The causes, those that are one in the place of the first of them."""
+    """Causes, related ones joined."""
     return _waves(_steps(list(found)), record)
 
 
@@ -275,7 +275,7 @@ def _steps(found: list[FoundSuspect]) -> list[FoundSuspect]:
 
 
 def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
-    """A wave and those of its harmonics that were found by themselves as one cause."""
+    """A wave joined with its harmonics."""
     apart = 1 / (2 * record.longest_read())  # frequencies that the record tells from one another
     waves = [cause for cause in found if isinstance(cause.effect, Periodic)]
     waves.sort(key=lambda cause: -_period(cause))
@@ -292,7 +292,7 @@ def _waves(found: list[FoundSuspect], record: Record) -> list[FoundSuspect]:
 
 
 def _harmonic(slowest: FoundSuspect, wave: FoundSuspect, apart: float) -> int:
-    """Multiple of a wave's frequency that another one has, as far as the record can tell; 0 for none."""
+    """Multiple of a wave's frequency; 0 for none."""
     multiple = round(_period(slowest) / _period(wave))
     off = abs(1 / _period(wave) - multiple / _period(slowest))
     return multiple if 1 < multiple <= HARMONICS and off < apart else 0
@@ -303,7 +303,7 @@ def _period(wave: FoundSuspect) -> float:
 
 
 def _joined(found: Sequence[FoundSuspect], own: Sequence[FoundSuspect], one: FoundSuspect) -> list[FoundSuspect]:
-    """The causes with some of them as one, in the place of the first."""
+    """Causes, some of them joined into one."""
     falls = [cause.before**2 - cause.after**2 for cause in own]  # each given the others
     size = float(np.sqrt(sum(cause.size**2 for cause in own)))
     together = replace(
@@ -324,7 +324,7 @@ Interval = tuple[float, float]
 
 
 def intervals(pool: Pool, judged: Comparison, causes: Sequence[Term]) -> list[tuple[Interval, ...]]:
-    """Intervals (95 %) of the moments of each cause [s] since the record began; none for causes without a moment.
+    """Intervals (95 %) of each cause's moments [s].
 
     A moment may lie wherever the likelihood falls by no more than `MOMENTS`, the coefficients held. That is the
     quantile of its fall at the true moment, (1 - exp(-fall))^2 <= 95 %, for jumps that are small against the noise of a
@@ -349,7 +349,7 @@ def intervals(pool: Pool, judged: Comparison, causes: Sequence[Term]) -> list[tu
 
 
 def _heights(judged: Comparison, causes: Sequence[Term]) -> tuple[list[np.ndarray], np.ndarray]:
-    """Coefficients of columns that begin at a moment, and what all causes leave, times the noise's inverse covariance.
+    """Coefficients of dated columns, and the whitened residual.
 
     The adopted columns are mixtures with the base; here the plain ones stand in their places.
     """
@@ -365,7 +365,7 @@ def _heights(judged: Comparison, causes: Sequence[Term]) -> tuple[list[np.ndarra
 
 
 def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, seconds: np.ndarray) -> Interval:
-    """Interval in which a shift at a row may begin: times of the rows before and after."""
+    """Interval in which a shift may begin [s]."""
     reach, n = len(shift) // 4, len(shift)
     before, after = slice(max(row - reach, 1), row), slice(row, min(row + reach, n - 1))
     earlier = _falls(shift[before][::-1], -left[before][::-1], kernel) <= MOMENTS
@@ -376,7 +376,7 @@ def _interval(shift: np.ndarray, left: np.ndarray, row: int, kernel: Kernel, sec
 
 
 def _falls(shift: np.ndarray, left: np.ndarray, kernel: Kernel) -> np.ndarray:
-    """Fall of the likelihood as the first one, two, ... rows lose their shift."""
+    """Fall of the likelihood as rows lose their shift."""
     own = products_from(shift[::-1, None], kernel, mirrored=False)[::-1, 0, 0]
     return np.asarray(np.cumsum(shift * left) + 0.5 * own)
 
@@ -433,7 +433,7 @@ class FoundSuspect:
 
     @property
     def share(self) -> float:
-        """Share of the squared error of later averages that it takes away; of held-out ones where none are later."""
+        """Share of the squared error of later averages removed."""
         fall = self.gain_db if np.isnan(self.later_db) else self.later_db
         return float(max(1 - 10 ** (-fall / 10), 0.0))
 
@@ -482,12 +482,12 @@ class Diagnosis(DiagnosisPage):
 
     @property
     def small(self) -> tuple[FoundSuspect, ...]:
-        """Effects that are too small to be added: later data would be predicted no better."""
+        """Proven effects too small to be added."""
         return self.suspects[self.n_causes : self.n_causes + self.n_small]
 
     @property
     def best(self) -> Effect | None:
-        """The first cause, ready for ``model.with_effect``; None where the verdict names nobody."""
+        """The first cause for ``model.with_effect``, or None."""
         return self.suspects[0].effect if self.n_causes else None
 
     @property
@@ -540,7 +540,7 @@ class Diagnosis(DiagnosisPage):
     __repr__ = __str__
 
     def plot(self, X: Any = None) -> Any:
-        """Draw the suspects, and where the model fails; returns the figure (extra "plot").
+        """Draw the suspects, and where the model fails (extra "plot").
 
         `X`, the record, tells the units of its columns.
         """

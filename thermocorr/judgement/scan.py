@@ -1,4 +1,4 @@
-"""Steps, other laws, disturbances, waves and delays that are looked for at every row.
+"""Steps, other laws, disturbances, waves and delays, at every row.
 
 Beside the lags of the base, what is left of a delayed temperature is sharp in the delay: its neighbours on a grid of
 delays explain a tenth of what the true one does. Moments with base and reading are cross correlations, by Fourier
@@ -50,7 +50,7 @@ from .terms import Explanation, Key, Pool, of_first_rows
 
 
 class Stretch(NamedTuple):
-    """Rows ``start:stop``, and what a shift of them gains in log likelihood."""
+    """Rows ``start:stop``, and the likelihood gained by a shift."""
 
     start: int
     stop: int
@@ -58,14 +58,14 @@ class Stretch(NamedTuple):
 
 
 def lengths_of(n: int) -> np.ndarray:
-    """Lengths in rows that are tried on a record of n rows, evenly in the logarithm."""
+    """Lengths to try, even in the logarithm [rows]."""
     longest = int(LONGEST_STRETCH * n)
     count = int(np.log(max(longest, 1) / SHORTEST_STRETCH) / np.log(LENGTHS)) + 1
     return np.unique((SHORTEST_STRETCH * LENGTHS ** np.arange(count)).astype(int)) if count > 0 else np.zeros(0, int)
 
 
 def squares_of(longest: int, kernel: Kernel) -> np.ndarray:
-    """Sums over all pairs of rows of a stretch of the inverse covariance of the noise, for 0 to `longest` rows."""
+    """Sums of the inverse covariance over stretches."""
     white, sizes, r = kernel
     L = np.arange(longest + 1.0)[:, None]
     pairs = L * (1 + r) / (1 - r) - 2 * r * (1 - r**L) / (1 - r) ** 2  # of r^|i - j|, i and j in the stretch
@@ -73,7 +73,7 @@ def squares_of(longest: int, kernel: Kernel) -> np.ndarray:
 
 
 def damped(values: np.ndarray) -> np.ndarray:
-    """Values with those that stand out of the median around them brought near to it, shape (n,)."""
+    """Values with outliers moved to the median, (n,)."""
     near = pd.Series(values).rolling(AROUND, center=True, min_periods=1).median().to_numpy()
     apart = values - near
     limit = OUTSTANDING * (ROBUST * float(np.median(np.abs(apart))) or float(np.std(apart)))
@@ -81,7 +81,7 @@ def damped(values: np.ndarray) -> np.ndarray:
 
 
 def best_stretch(judged: Comparison, theta: np.ndarray, weight: np.ndarray) -> Stretch | None:
-    """The stretch whose shift gains most under a given noise; None where chance may do as much.
+    """The best stretch under a noise, beyond chance.
 
     A short stretch lies outside the base but for a share that is left out of account. Single readings that stand out
     count less, or heavy tails of the noise would be short disturbances. `weight` is what rows are weighted with, shape
@@ -156,7 +156,7 @@ class Shifts:
         """Sums of squares of each delay's column in each band, shape (bands, most)."""
 
     def gains(self, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Log likelihood that each delay gains under a given noise, shape (most,).
+        """Log likelihood gained by each delay, (most,).
 
         Where rows are left out as spikes, the result is an approximation. `rows` is what `anywhere.filtered` says.
         """
@@ -173,7 +173,7 @@ class Shifts:
 
 
 def delays(pool: Pool, shifts: Shifts, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Delay]:
-    """The delay of whole rows that gains most, and some to either side of it."""
+    """The best delay in whole rows, and neighbours."""
     delay = pool.lapse(1 + int(shifts.gains(judged, theta, rows).argmax()))
     return [Delay(six_digits(delay + share * pool.spacing)) for share in BETWEEN]
 
@@ -183,14 +183,14 @@ DATED = (Step.kind, SensitivityStep.kind, Disturbance.kind)
 
 
 def tries(n: int) -> dict[Key, int]:
-    """Number of moments or stretches at which each kind is tried, for a record of n rows."""
+    """Number of moments or stretches tried per kind."""
     return {(Step.kind, None): n, (SensitivityStep.kind, None): n, (Disturbance.kind, None): STRETCHES * n}
 
 
 def dated(
     pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray, kinds: Collection[str] = DATED
 ) -> list[Explanation]:
-    """The best of each kind under a given noise; none where none gains anything.
+    """The best of each dated kind under a noise.
 
     `rows` is what `anywhere.filtered` says. Another law is left out where a step alone does as well.
     """
@@ -216,7 +216,7 @@ def dated(
 
 
 def is_shown(pool: Pool, effect: Effect) -> bool:
-    """True if the record shows enough of an effect, however it was tuned.
+    """True if the record shows enough of an effect.
 
     A few large readings of heavy tails that follow on one another are no disturbance, the first ones no start, and they
     or the last ones no step. A wave must come back three times, and the temperature must swing by more than the width
@@ -239,7 +239,7 @@ def is_shown(pool: Pool, effect: Effect) -> bool:
 
 
 def moment(pool: Pool, row: int, ends: bool = False) -> float:
-    """Time between an averaged row and the one before it, since the record began [s].
+    """Time between two averaged rows [s].
 
     Where a run begins that overlaps the one before it, half a step before its first row, or behind the other's last.
     """
@@ -251,7 +251,7 @@ def moment(pool: Pool, row: int, ends: bool = False) -> float:
 
 
 def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
-    """Column that begins between an averaged row and the one before it."""
+    """A column that begins before an averaged row."""
     effect = kind(moment(pool, row))
     effect.learn(pool.record)
     later = (pool.data.seconds >= effect.seconds_).astype(float)
@@ -260,13 +260,13 @@ def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:
 
 
 def filtered(judged: Comparison, theta: np.ndarray) -> np.ndarray:
-    """Residual given the base, and the base, times the inverse covariance of a noise, shape (n, 1 + p)."""
+    """Whitened residual and base, (n, 1 + p)."""
     W = 1 / judged.bands.each_row(judged.S(theta))
     return judged.bands.back(np.column_stack((judged.left(theta), judged.Q)) * W[:, None])
 
 
 def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Log likelihood that a step at each row gains under a given noise; 0 at the first row.
+    """Log likelihood gained by a step at each row.
 
     `weight` is what rows are weighted with, shape (n,); where it is not 1, the result is an approximation. `rows` is
     what `filtered` says.
@@ -282,7 +282,7 @@ def step_gains(judged: Comparison, theta: np.ndarray, weight: np.ndarray, rows: 
 
 
 def _squares(judged: Comparison, W: np.ndarray) -> np.ndarray:
-    """Weighted sum of squares of the step at each row: ones from there to the end of the record."""
+    """Squared norm of a step from each row on."""
     plain, result, later = np.empty(judged.n), np.empty(judged.n), 0.0
     plain[judged.bands.order] = W
     for piece in reversed(judged.bands.pieces):
@@ -298,7 +298,7 @@ def _squares(judged: Comparison, W: np.ndarray) -> np.ndarray:
 def best_period(
     judged: Comparison, theta: np.ndarray, place: np.ndarray, most: float, rows: np.ndarray
 ) -> float | None:
-    """Period of the wave that gains most under a given noise, at most `most`; None where none can be told.
+    """Period of the best wave, or None.
 
     `place`, shape (n,), is where the rows lie on an even grid, in whole steps; periods are in these steps. Moments of
     waves of all periods with reading and base are Fourier transforms. A wave's own weighted square is that of one that
@@ -327,19 +327,19 @@ def best_period(
 
 
 def waves(pool: Pool, judged: Comparison, theta: np.ndarray, rows: np.ndarray) -> list[Periodic]:
-    """The wave that gains most of those that fit three times into the record, if there is one."""
+    """The best wave that fits three times, if any."""
     most = pool.record.longest_read() / pool.spacing / 3
     period = best_period(judged, theta, pool.place, most, rows)
     return [] if period is None else [Periodic(six_digits(period * pool.spacing), 1)]
 
 
 def six_digits(seconds: float) -> float:
-    """A time as it is told: no finer than it is found."""
+    """A time to six digits."""
     return float(f"{seconds:.6g}")
 
 
 def products_from(columns: np.ndarray, kernel: Kernel, mirrored: bool = True) -> np.ndarray:
-    """Products ``columns[k:]' C^-1 columns[k:]`` at each row k of one span, C the covariance of the noise.
+    """Products ``columns[k:]' C^-1 columns[k:]`` at each row k.
 
     `columns` (array of shape (n, c)). `kernel` (Kernel): Inverse covariance of the noise. `mirrored` (bool): Beyond
     its ends the span goes on as in a mirror, as the cosine transform has it. False: it is a part of a longer one.
@@ -369,7 +369,7 @@ def products_from(columns: np.ndarray, kernel: Kernel, mirrored: bool = True) ->
 
 
 def cut_products(judged: Comparison, theta: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Products of columns, shape (n, c), that are nought before each row; noise of different spans is independent."""
+    """Products of columns that begin at each row."""
     kernel = inverse_kernel(theta, judged.bands.times)
     result, later = np.empty((judged.n, columns.shape[1], columns.shape[1])), 0.0
     for piece in reversed(judged.bands.pieces):
@@ -381,7 +381,7 @@ def cut_products(judged: Comparison, theta: np.ndarray, columns: np.ndarray) -> 
 def change_gains(
     judged: Comparison, theta: np.ndarray, weight: np.ndarray, temperature: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
-    """Log likelihood that another offset and sensitivity from each row on gain under a given noise, shape (n,).
+    """Log likelihood gained by another law from each row on.
 
     `judged` (Comparison). `theta` (array of shape (parts,)). `weight`, `temperature` (arrays of shape (n,)): What
     rows are weighted with, and the temperature less its mean. `rows` (array of shape (n, 1 + p)): What
@@ -401,7 +401,7 @@ def change_gains(
 
 
 def _held(judged: Comparison, theta: np.ndarray, base: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Projection on the base of the products of two columns cut at each row, shape (n, 2, 2).
+    """Projection of cut columns on the base, (n, 2, 2).
 
     It changes slowly from row to row: it is computed at some rows, and straight lines go between.
     """

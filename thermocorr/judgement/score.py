@@ -1,4 +1,4 @@
-"""Likelihood of the record with an explanation, its noise estimated anew, in bands of frequency.
+"""Likelihood of explanations, in bands of frequency.
 
 Everything is a sum over bands of frequency of cross products, weighted by the power of the noise there. So the rows of
 the record are touched once for each explanation and once for each cause that is taken in, whatever noise is assumed.
@@ -19,13 +19,13 @@ from .levels import ALIVE, BATCH, QUIET, ROUNDED, STRUCTURE, TURNS, VISIBLE, WID
 
 
 def orthonormal(columns: np.ndarray, tolerance: float = ROUNDED) -> np.ndarray:
-    """Orthonormal basis of columns of very different size, shape (n, k); directions below the tolerance are dropped."""
+    """Orthonormal basis of ill-scaled columns, (n, k)."""
     directions, size = _directions(columns)
     return directions[:, size > tolerance]
 
 
 def visible(columns: np.ndarray, reading: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of a base, constant first, without directions in which no plausible law can be seen.
+    """Orthonormal basis of what a plausible law can show.
 
     Lags that are close together differ by little, and their differences by less. Such directions take what another
     cause makes upon themselves, a delay most of all, with coefficients that are thousands of times those of the law.
@@ -40,7 +40,7 @@ def visible(columns: np.ndarray, reading: np.ndarray) -> np.ndarray:
 
 
 def _directions(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions of columns scaled to unit length, and their sizes over the largest."""
+    """Directions of unit columns, and relative sizes."""
     norms = np.linalg.norm(columns, axis=0)
     left, singular, _ = np.linalg.svd(columns[:, norms > 0] / norms[norms > 0], full_matrices=False)
     return np.asarray(left), singular / singular[:1].max(initial=1e-300)
@@ -48,7 +48,7 @@ def _directions(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class ExplanationColumns:
-    """Columns of one explanation, transformed, base of the start taken out, with their cross products in each band."""
+    """Columns of one explanation, transformed, with cross products."""
 
     rows: np.ndarray
     """Shape (n, k)."""
@@ -62,7 +62,7 @@ class ExplanationColumns:
 
 @dataclass(frozen=True, kw_only=True)
 class BaseProducts:
-    """Cross products in each band of the reading and a base of p columns."""
+    """Cross products of reading and base, per band."""
 
     zz: np.ndarray
     """The reading's sums of squares, shape (bands,)."""
@@ -72,7 +72,7 @@ class BaseProducts:
     """The base's with itself, shape (bands, p, p)."""
 
     def solved(self, W: np.ndarray, beside: Sequence[ExplanationColumns | None]) -> tuple[list[np.ndarray], np.ndarray]:
-        """Least squares of the reading on the base with each of some explanations, each under its own weights.
+        """Least squares with each explanation, own weights each.
 
         `W` (array of shape (J, bands)). `beside` (sequence of length J): None is the base alone. Returns coefs (list
         of J arrays): of the base's columns and the explanation's. Returns power (array of shape (bands, J)): sums of
@@ -96,7 +96,7 @@ class BaseProducts:
         return np.linalg.cholesky(A + 1e-12 * np.trace(A) / len(A) * np.eye(len(A)))
 
     def taken(self, W: np.ndarray, founds: Sequence[ExplanationColumns]) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted sums of squares of the reading that explanations take away given the base.
+        """Weighted squares that explanations remove given the base.
 
         `W` (array of shape (J, bands)). `founds` (sequence of length K > 0). Returns taken (array of shape (J, K)): 0
         where the base holds one of an explanation's columns. Returns left (array of shape (J,)): what the base alone
@@ -130,7 +130,7 @@ class BaseProducts:
 def _bordered(
     A: np.ndarray, b: np.ndarray, weights: np.ndarray, found: ExplanationColumns | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Normal equations of the base with an explanation's columns at their end."""
+    """Normal equations of base and explanation."""
     if found is None:
         return A, b
     p, k = len(b), found.own.shape[1]
@@ -141,18 +141,18 @@ def _bordered(
 
 
 def weighted(weights: np.ndarray, products: np.ndarray) -> np.ndarray:
-    """Sum over the bands of cross products, shape (bands, ...), under weights of shape (..., bands)."""
+    """Cross products summed over bands, weighted."""
     return np.asarray(weights @ products.reshape(len(products), -1)).reshape(*weights.shape[:-1], *products.shape[1:])
 
 
 def forms(products: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """``left[j] @ products[g] @ right[j]`` in each band g, shape (bands, J)."""
+    """``left[j] @ products[g] @ right[j]`` per band g."""
     outer = left[:, :, None] * right[:, None, :]
     return np.asarray(products.reshape(len(products), -1) @ outer.reshape(len(outer), -1).T)
 
 
 def side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Columns of several arrays in one, each in one piece of memory (Fortran order)."""
+    """Several arrays' columns in one, Fortran order."""
     return np.concatenate([part.T for part in columns]).T
 
 
@@ -162,7 +162,7 @@ def squares_of(columns: np.ndarray) -> np.ndarray:
 
 
 def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Least squares from normal equations of columns of very different size; directions that are not there stay out."""
+    """Least squares from ill-scaled normal equations."""
     scale = 1 / np.sqrt(np.maximum(np.diag(A), 1e-300))
     unit = A * scale[:, None] * scale
     half, failed = lapack.dpotrf(unit, lower=1)
@@ -185,7 +185,7 @@ class Fit:
 
 
 class Comparison:
-    """A base of columns, and explanations to be taken in beside it.
+    """A base, and explanations to compare.
 
     `reading` (array of shape (n,)). `base` (array of shape (n, p)). `segment` (array of shape (n,)): Number of the
     segment of each row. The noise of different segments is independent. `lost` (array of shape (n, k), optional):
@@ -221,12 +221,12 @@ class Comparison:
 
     @property
     def total(self) -> float:
-        """Log likelihood of the reading itself under the base: comparable between bases."""
+        """Log likelihood of the reading under the base."""
         return self.base.level - float(self.share.sum()) * float(np.log(self.unit))
 
     @property
     def wanders(self) -> bool:
-        """True if noise that wanders is far likelier than white noise, given the base."""
+        """True if wandering noise is far likelier than white."""
         return self.base.level - self.white > STRUCTURE
 
     @property
@@ -236,16 +236,16 @@ class Comparison:
 
     @property
     def innovation(self) -> float:
-        """Variance of the noise that its own past does not foresee (Kolmogorov 1941), in units of the start's."""
+        """Variance of the noise about its best forecast (Kolmogorov 1941)."""
         return float(np.exp(np.average(np.log(self.S(self.base.theta)), weights=self.bands.sizes)))
 
     def _products(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Cross products in each band, shape (bands, columns of one, columns of the other)."""
+        """Cross products per band of two sets of columns."""
         edges = [*self.bands.starts.tolist(), self.n]
         return np.stack([one[a:b].T @ other[a:b] for a, b in pairwise(edges)])
 
     def add(self, columns: Sequence[np.ndarray]) -> None:
-        """More explanations, each of shape (n, k), in the order of the record."""
+        """Add explanations, each of shape (n, k)."""
         for first in range(0, len(columns), BATCH):  # of a size that memory near the processor holds
             self._add(columns[first : first + BATCH])
 
@@ -277,14 +277,14 @@ class Comparison:
         return 0 if found is None else found.rows.shape[1]
 
     def copy(self) -> Comparison:
-        """A copy with the explanations given the base; what either adopts is not the other's."""
+        """An independent copy with the explanations."""
         other = copy(self)
         other.explanations, other.causes = list(self.explanations), list(self.causes)
         other.adopted = list(self.adopted)
         return other
 
     def let_go(self) -> None:
-        """Do without the rows of what was tried, which are most of the memory: the cross products are kept."""
+        """Free the rows of explanations; cross products stay."""
         self.explanations = [found and replace(found, rows=found.rows[:0].copy()) for found in self.explanations]
 
     def of(self, which: Sequence[int]) -> Comparison:
@@ -310,7 +310,7 @@ class Comparison:
         self.base, self.white = fit, self._white()
 
     def _crossed(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """`_products`; of a few columns each one sum over all bands instead of a matrix product in each."""
+        """`_products`, quicker for few columns."""
         if one.shape[1] * other.shape[1] > WIDE:
             return self._products(one, other)
         each = other.T[:, None] * one.T
@@ -321,11 +321,11 @@ class Comparison:
         return np.asarray(self.bands.parts @ theta)
 
     def left(self, theta: np.ndarray) -> np.ndarray:
-        """Residual of the reading after the base under a given noise, rows of the transform."""
+        """Residual after the base under a noise."""
         return np.asarray(self.z - self.Q @ self._solved_one(None, theta)[0])
 
     def taken(self, theta: np.ndarray, moments: np.ndarray) -> np.ndarray:
-        """Weighted sum of squares of columns that lies in the base, from their moments with it, shape (columns, p)."""
+        """Weighted squares of columns within the base."""
         return np.asarray(np.sum(solve_triangular(self._half(theta), moments.T, lower=True) ** 2, axis=0))
 
     def _half(self, theta: np.ndarray) -> np.ndarray:
@@ -348,7 +348,7 @@ class Comparison:
         return float(whittle(self.share, power[:, None], np.full((len(power), 1), level))[0])
 
     def refit(self, which: Sequence[int]) -> list[Fit]:
-        """The base with each of some explanations, each with a noise of its own."""
+        """The base with each explanation, noise refitted."""
         if not which:
             return []
         quiet = np.maximum(QUIET * self.base.theta, 1e-3 * QUIET * self.base.theta[0])
@@ -358,13 +358,13 @@ class Comparison:
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
     def gained_beside(self, i: int, which: Sequence[int]) -> np.ndarray:
-        """Log likelihood that some explanations gain where another one is in the base."""
+        """Log likelihood gained besides another explanation."""
         other = self.of([i, *which])
         other.adopt(0)
         return other.screen(other.base.theta)[1:]
 
     def dropped(self, k: int, tried: bool = True) -> Comparison:
-        """The base without one of the adopted explanations, which may be `tried` again as the others are."""
+        """The base without one adopted explanation."""
         part, other = self.causes[k], self.copy()
         kept = np.r_[0 : part.start, part.stop : self.Q.shape[1]]
         other.Q, other.Qz = self.Q[:, kept], self.Qz[:, kept]
@@ -396,7 +396,7 @@ class Comparison:
         return [Fit(level=float(level), theta=own) for level, own in zip(levels, theta.T, strict=True)]
 
     def _solved(self, which: Sequence[int | None], theta: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Coefficients with some explanations, under the noise in each column of `theta`; sums of squares in bands."""
+        """Coefficients and squares under each noise."""
         beside = [None if i is None else self.explanations[i] for i in which]
         return self._base_products.solved(1 / self.S(theta).T, beside)
 
@@ -405,7 +405,7 @@ class Comparison:
         return coefs[0], power[:, 0]
 
     def smallest(self, column: np.ndarray, gain: float) -> float:
-        """Coefficient of a column, shape (n,), at which it gains a log likelihood on the average, given this base.
+        """Smallest coefficient of a column that shows.
 
         Infinite for a column that lies in the base.
         """
@@ -422,7 +422,7 @@ class Comparison:
         return self.unit * float(np.sqrt(2 * gain / information)) if information > 1e-9 * own else np.inf
 
     def overlap(self, i: int, j: int) -> float:
-        """Fraction of what one explanation adds to the base that another one reproduces."""
+        """Share of one explanation that another reproduces."""
         one, other = self.explanations[i], self.explanations[j]
         if one is None or other is None:
             return 0.0
@@ -433,13 +433,13 @@ class Comparison:
         return float(np.sum(again**2) / max(float(np.sum(made**2)), 1e-300))
 
     def _white_beside(self, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Columns as they are where the noise is white, less what the base holds of them, rows of the transform."""
+        """Columns less their part in the base, unwhitened."""
         W = 1 / self.bands.each_row(self.S(theta))[:, None]
         held = cho_solve((self._half(theta), True), self.Q.T @ (W * rows))
         return np.asarray(np.sqrt(W) * (rows - self.Q @ held))
 
     def unexplained(self, i: int | None = None) -> float:
-        """Mean square that the base, with an explanation, leaves in plain least squares, in units of the start's."""
+        """Mean square left by plain least squares."""
         return float(self._solved_one(i, self.only_white())[1].sum()) / self.free
 
     def only_white(self) -> np.ndarray:
@@ -453,14 +453,14 @@ class Comparison:
         return np.asarray(0.5 * self._taken_by([theta], which)[0][0])
 
     def screen_twice(self) -> tuple[np.ndarray, np.ndarray]:
-        """`screen` under the noise that stands, and under white noise whose size follows what is left."""
+        """`screen` under this noise and under white noise."""
         (standing, white), (_, left) = self._taken_by([self.base.theta, self.only_white()])
         return 0.5 * standing, -0.5 * self.free * np.log1p(-np.minimum(white / left, 1 - 1e-12))
 
     def _taken_by(
         self, thetas: Sequence[np.ndarray], which: Sequence[int] | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted squares that explanations take away under each noise, and those that the base leaves."""
+        """Weighted squares removed and left, under each noise."""
         chosen = self.explanations if which is None else [self.explanations[i] for i in which]
         places = [i for i, found in enumerate(chosen) if found is not None]
         taken, left = np.zeros((len(thetas), len(chosen))), np.ones(len(thetas))

@@ -1,4 +1,4 @@
-"""The search for what is missing: a set of terms, one score, and moves that raise it.
+"""The search: a set of terms, one score, moves that raise it.
 
 The score of a set is the log likelihood of the record under it, its noise estimated anew, less a price for each term:
 what its columns, its tuned numbers and the places at which it was sought gain by chance (Schwarz 1978). Terms are
@@ -53,13 +53,13 @@ from .terms import Explanation, Key, Pool
 
 
 def together(thermometers: pd.DataFrame) -> float:
-    """Standard deviation of what the errors of all thermometers make wander in the reading, in its unit."""
+    """Rms of the reading by all thermometers' errors."""
     return float(np.sqrt((thermometers["wandering"] ** 2).sum())) if len(thermometers) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Copies:
-    """Gains of time-shifted copies of an effect's columns, against the effect itself.
+    """Gains of time-shifted copies of an effect's columns.
 
     A few slow swings go with a few others by chance, whatever noise is assumed. What the copies gain in log likelihood
     is what such swings gain of a record that has nothing to do with them: half a unit for each column where the noise
@@ -74,7 +74,7 @@ class Copies:
 
     @classmethod
     def of(cls, pool: Pool, judged: Comparison, held: OutOfSample, number: int, effect: Effect) -> Copies:
-        """Copies of an effect of recorded columns; `number` is its own among the explanations of the comparison."""
+        """Copies of an effect; `number` is its own."""
         names = [
             name for name in effect.inputs() if name in pool.record.columns and name != pool.record.temperature_name
         ]
@@ -96,7 +96,7 @@ class Copies:
 
 
 def _columns_of(records: Iterable[Record], effect: Effect) -> list[np.ndarray]:
-    """Averaged columns of an effect in each of some records, which learns each of them."""
+    """Averaged columns of an effect in some records."""
     copies = [(record, clone(effect)) for record in records]
     for record, copied in copies:
         copied.learn(record)
@@ -137,14 +137,14 @@ class Tried:
         return self.explanation.key
 
     def as_likely(self, best: Tried) -> bool:
-        """True if it scores as much as the best, or would if no tuned parameter had a price."""
+        """True if it scores nearly as much as the best."""
         return (
             self.score > 0 and max(self.score - best.score, self.score + self.tuning - best.score - best.tuning) >= -TIE
         )
 
 
 class Family:
-    """The explanations that are compared; each has the number that it has in the comparison.
+    """The explanations that are compared, numbered.
 
     `pool` (Pool). `judged` (Comparison): Gets the columns of every explanation. `anywhere` (collection of str): Kinds
     that are looked for at every row, period or delay.
@@ -180,7 +180,7 @@ class Family:
         return list(range(len(self.tried) - len(explanations), len(self.tried)))
 
     def add_anywhere(self) -> None:
-        """The best moments of all rows, wave of all periods and delay, under wandering and under white noise.
+        """The best moments, wave and delay of all.
 
         Each of them once. Under the noise that stands alone where white noise is as likely: it would say the same.
         """
@@ -209,7 +209,7 @@ class Family:
         return [i for i in range(len(self.judged.explanations)) if self.judged.width(i)]
 
     def price(self, i: int) -> float:
-        """Gain by chance of an explanation's columns, tuned parameters and their choice (Schwarz 1978)."""
+        """Chance gain of an explanation's parameters (Schwarz 1978)."""
         return self.price_of_columns(self.judged.width(i)) + self.price_of_tuning(i)
 
     def price_of_columns(self, width: int) -> float:
@@ -223,11 +223,11 @@ class Family:
 
     @property
     def looks(self) -> int:
-        """Number of times the whole family has been tried: once per number of causes."""
+        """How often the family was tried: once per cause."""
         return 1 + len(self.judged.causes)
 
     def p_value(self, gain: float, i: int, found: int | None = None) -> float:
-        """P-value of an explanation, the whole family having been tried (Wilks 1938; Bonferroni).
+        """P-value within the family (Wilks 1938; Bonferroni).
 
         It was tried beside each number of terms up to those `found`, all so far by default.
         """
@@ -237,7 +237,7 @@ class Family:
         return float(min(1.0, looks * self.tests.get(explanation.key, 1.0) * chance))
 
     def weighed(self, i: int, fit: Fit) -> Tried:
-        """An explanation with what speaks for it: its fit given the base."""
+        """An explanation with its evidence given the base."""
         gain = fit.level - self.judged.base.level
         return Tried(
             explanation=self.tried[i],
@@ -251,7 +251,7 @@ class Family:
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """A term of the set, and what cannot be told apart from it."""
+    """A term of the set, and its rivals."""
 
     tried: Tried
     """Beside all other terms."""
@@ -287,7 +287,7 @@ class Search:
 
     # ---- one look at everything ------------------------------------------------------------------------------------
     def look(self, judged: Comparison, tuning: bool = True, best_of: int | None = None) -> list[Tried]:
-        """The best of each kind and column beside a state, best first."""
+        """The best of each kind and column, given a state."""
         family = self.family
         family.judged = judged
         alive = family.alive()
@@ -308,7 +308,7 @@ class Search:
         return [self._beside_copies(self.family.weighed(i, fit)) for i, fit in zip(which, fits, strict=True)]
 
     def _beside_copies(self, t: Tried) -> Tried:
-        """An explanation, its evidence divided by what copies of its column explain more than noise gives them."""
+        """An explanation, discounted by its shifted copies."""
         copies = self.copies.get(t.key)
         if copies is None or copies.excess == 1:
             return t
@@ -318,7 +318,7 @@ class Search:
         return replace(t, gain=gain, score=gain + t.score - t.gain, p_value=chance, copied=copied)
 
     def _tuned(self, judged: Comparison, found: Sequence[Tried]) -> list[Tried]:
-        """The best few kinds with their parameters moved to where they explain most."""
+        """The best few kinds with tuned parameters."""
         able = [t for t in found if t.score > 0 and not t.explanation.in_model]
         able.sort(key=lambda t: -t.score)
         kinds = list(dict.fromkeys(t.key for t in able))[:TUNED]
@@ -329,7 +329,7 @@ class Search:
 
     # ---- the search ------------------------------------------------------------------------------------------------
     def run(self, most: int | None = None) -> None:
-        """Find the set, of `most` terms; `judged` is the state with it, and `last` what was tried beside it."""
+        """Find the set, of `most` terms."""
         if self.pool.rows.exact:
             return
         self._take_helpful()
@@ -362,7 +362,7 @@ class Search:
         return self.pool.out_of_sample.with_columns(np.column_stack(coarse)) if coarse else self.pool.out_of_sample
 
     def _worth(self, held: OutOfSample, which: Sequence[int]) -> dict[int, Worth]:
-        """Out-of-sample gain of explanations added to a model; of one with a moment, after that."""
+        """Out-of-sample gain of explanations added to a model."""
         moments = {i: self.pool.moment(self.family.tried[i].effect) for i in which}
         found = dict[int, Worth]()
         for moment in set(moments.values()):
@@ -371,7 +371,7 @@ class Search:
         return found
 
     def _take_helpful(self) -> None:
-        """Take in recorded columns that later data tell from all copies of them, whatever the likelihood says.
+        """Take in columns that later data confirm.
 
         Noise that wanders can make what a slow column makes, and a large cause beside a poor law is not proven.
         """
@@ -398,7 +398,7 @@ class Search:
             held = held.with_columns(coarse[best])
 
     def _best(self) -> Tried | None:
-        """Of what is proven the likeliest that is worth nearly most on later data; the likeliest where nothing is.
+        """The likeliest proven term that is worth most.
 
         A recorded column must also outdo copies of it moved in time.
         """
@@ -426,7 +426,7 @@ class Search:
         return self.judged is not before
 
     def _tune(self, which: Sequence[int]) -> None:
-        """Move the parameters of terms to where they explain most given the others."""
+        """Tune the parameters of terms given the others."""
         for number in which:
             term = self.family.tried[number]
             if term.in_model or not term.n_tuned:
@@ -445,7 +445,7 @@ class Search:
                 self.helpful = [new if each == number else each for each in self.helpful]
 
     def _drop(self) -> None:
-        """Drop terms that are not proven given the others, the worst first."""
+        """Drop terms not proven given the others."""
         while len(self.judged.adopted) > 1:
             chances = []
             for k, number in enumerate(self.judged.adopted):
@@ -465,7 +465,7 @@ class Search:
         return int(part.stop - part.start)
 
     def _exchange(self) -> None:
-        """Put what is likelier by more than a tie in the place of a term."""
+        """Exchange a term for a likelier one."""
         for number in list(reversed(self.judged.adopted)):
             if len(self.judged.adopted) < 2 or number not in self.judged.adopted or number in self.helpful:
                 continue
@@ -481,7 +481,7 @@ class Search:
 
     # ---- what was found --------------------------------------------------------------------------------------------
     def terms(self) -> list[Term]:
-        """The terms, each given all others, with what cannot be told apart from it."""
+        """The terms, each given the others, with rivals."""
         found = []
         for k, number in enumerate(self.judged.adopted):
             beside = self.judged.dropped(k)
@@ -506,7 +506,7 @@ class Search:
         return found
 
     def _lag_below(self, beside: Comparison, me: Tried, late: tuple[str | None, Any]) -> float:
-        """Least lag of the grid from which the late form of an effect explains less than the record allows [s]."""
+        """Least lag that the record excludes [s]."""
         gains = beside.screen(beside.refit([me.number])[0].theta)
         taus = {
             float(tau[0]): float(gains[i])
@@ -517,12 +517,12 @@ class Search:
         return float(min((tau for tau in taus if tau > max(possible, default=0.0)), default=0.0))
 
     def coarse(self, tried: Tried) -> np.ndarray:
-        """Columns of an explanation, as data not learned from are judged on."""
+        """Columns of an explanation, averaged for unseen data."""
         return self.family.coarse[tried.number]
 
     @property
     def rounded(self) -> bool:
-        """True if what is left is no more than the rounding of the reading, which follows all that the reading does."""
+        """True if what is left is the reading's rounding."""
         left = self.judged.unit * float(np.sqrt(self.judged.unexplained()))
         return bool(left <= ROUNDED_OFF * self.pool.rounding / np.sqrt(12))
 
@@ -534,7 +534,7 @@ def _lags(effect: Any) -> np.ndarray:
 
 # ---- the moves ------------------------------------------------------------------------------------------------------
 def retuned(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
-    """An explanation with its parameters moved to where it gains most, by each of `shares`; None where nowhere more.
+    """An explanation with tuned parameters; None for no gain.
 
     `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
     """

@@ -1,4 +1,4 @@
-"""Everything that may explain a record, in one pool: columns of each explanation, fine and coarse.
+"""Everything that may explain a record, in one pool.
 
 Rows are judged straight over spikes, weighted by their noise, less what the starts of segments hold.
 """
@@ -83,7 +83,7 @@ class Starts:
         """Directions of all segments side by side, shape (n, all of them); None where nothing is held."""
 
     def taken_out(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), less what the decays hold; they are changed in place.
+        """Columns less their decays, changed in place.
 
         Where a segment's decays hold all of a column, zeros are left and not its rounding, which would look like a
         column of its own.
@@ -98,7 +98,7 @@ class Starts:
 
 
 class JudgedRows:
-    """Weights of averaged rows, and the transform of every column before it is compared.
+    """Weights and transform of averaged rows.
 
     `data` (Averages). `decays` (sequence of arrays of shape (n, k)): Start-up decays, see `starts_of`. `base`
     (sequence of arrays of shape (n, k)): Columns that are judged given: spikes and noise are those of what they
@@ -140,7 +140,7 @@ class JudgedRows:
         return self.starts.taken_out(self.weight.copy())
 
     def weighed(self, columns: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """Columns, shape (n,) or (n, k), as they are judged: straight over spikes, weighted, less what starts hold.
+        """Columns as they are judged: weighted, transformed.
 
         The same is done to reading and columns, so that noise that wanders has no holes. They lose their means first,
         to which digits would be lost. They are written to `out`, which may be the columns themselves.
@@ -163,7 +163,7 @@ class JudgedRows:
 
 
 def _outstanding(left: np.ndarray) -> np.ndarray:
-    """Rows so far from their neighbours that no noise of one size makes them: glitches among many, heavy tails.
+    """Rows far from neighbours: glitches, heavy tails.
 
     None where many rows are: a quantised noise has few values.
     """
@@ -173,7 +173,7 @@ def _outstanding(left: np.ndarray) -> np.ndarray:
 
 
 class OwnStart(Effect):
-    """Start-up decays, eq. (18), each segment's in the same columns: from a model's fastest to its slowest, and beyond.
+    """Start-up decays, eq. (18), segments sharing columns.
 
     `transient` (InitialTransient): The model's decays. `slowest` (float): Time constant [s] beyond which a decay
     competes with drift and ageing instead. `which` (slice): Of which segments. `beyond` (float): How far they reach
@@ -189,7 +189,7 @@ class OwnStart(Effect):
         self.transient, self.slowest, self.which, self.beyond = transient, slowest, which, beyond
 
     def learn(self, record: Record) -> None:
-        """Find the decays of each segment that has any in the model."""
+        """Find the decays of each segment."""
         self.transient_ = clone(self.transient)
         self.transient_.learn(record)
         self.transient_.decays_ = {
@@ -201,17 +201,17 @@ class OwnStart(Effect):
         }
 
     def names(self) -> list[str]:
-        """Names of the columns, as many as the segment with most decays has."""
+        """Names of the columns, for the most decays."""
         return [f"start {k}" for k in range(max(map(len, self.transient_.decays_.values()), default=0))]
 
     def columns(self, block: Block, state: Any) -> tuple[np.ndarray, Any]:
-        """Decays of the block's segment, zeros where it has fewer than others."""
+        """Decays of the block's segment, else zeros."""
         own = self.transient_.own(block)
         return np.pad(own, ((0, 0), (0, self.n_columns() - own.shape[1]))), None
 
 
 class Before(Effect):
-    """Start terms: what the device's parts keep from before the record, each by the coefficient of its lag.
+    """Heat from before the record, by the lags' coefficients.
 
     Of another temperature until then, that is the sum of their decays, eq. (18), times the coefficients of the lags. Of
     one that was rising, the slow parts keep more: with rank 2, in proportion to their time constants.
@@ -242,7 +242,7 @@ class Before(Effect):
 
 
 def starts_of(model: DynamicBiasRegressor, record: Record, slowest: float) -> tuple[list[Effect], list[Effect]]:
-    """The start-up decays of a model that are held, and those that compete, none slower than a time constant [s].
+    """A model's decays: those held, and those that compete.
 
     Behind a pause nobody knows what a device keeps of the time before. Whether it was at rest when the record began,
     the record says: an ageing looks like many decays, and what a lag as long as the record keeps like a drift.
@@ -270,46 +270,46 @@ class Explanation:
     """True if the model has it already: slow lags and the start, which the base of the judgement does without."""
 
     def forgotten(self) -> Explanation:
-        """The explanation without its columns; with them where it is a model's start, which is not made anew."""
+        """The explanation without its columns."""
         return self if self.effect.kind == OwnStart.kind else replace(self, columns=self.columns[:0].copy())
 
     @property
     def key(self) -> Key:
-        """Kind and column; what the model has already is a kind of its own."""
+        """Kind and column; the model's own kinds differ."""
         return ("in the model", None) if self.in_model else key_of(self.effect)
 
     @property
     def is_start(self) -> bool:
-        """True if it is the start of the record, as far as the model has it."""
+        """True if it is the start of the record."""
         return self.in_model and self.effect.of_time_alone
 
     @cached_property
     def n_tuned(self) -> int:
-        """Numbers among its parameters that are moved to where it explains most."""
+        """Number of tuned parameters."""
         tuned = self.effect.info.tuned if self.effect.info else ()
         values = [getattr(self.effect, name) for name in tuned]
         return sum(np.size(value) for value in values if value is not None)
 
     @cached_property
     def law(self) -> tuple[Key, str]:
-        """Kind and column, and every parameter that is not tuned: a column late and its square late are two laws."""
+        """Kind, column and untuned parameters."""
         tuned = self.effect.info.tuned if self.effect.info else ()
         given = self.effect.get_params(deep=False)
         return self.key, str(sorted((k, v) for k, v in given.items() if k not in tuned))
 
 
 def helps_evenly(effect: Effect) -> bool:
-    """True if an effect must help evenly: a product, or what has memory."""
+    """True if an effect must help evenly."""
     return effect.is_product or isinstance(effect, Hysteresis)
 
 
 def passes_twice(effect: Effect) -> bool:
-    """True if later stretches alone do not confirm an effect: it has a date, memory or a period."""
+    """True if an effect needs held-out blocks too."""
     return isinstance(effect, Step | SeveralSteps | Disturbance | Hysteresis | Periodic)
 
 
 def of_first_rows(effect: Effect, step: float) -> bool:
-    """True if a start is over so soon, with so long a step [s], that it could be a large first reading."""
+    """True if a start could be a large first reading."""
     return isinstance(effect, InitialTransient) and _times(effect).min(initial=np.inf) < SHORTEST_START * step
 
 
@@ -318,7 +318,7 @@ def _times(effect: ThermalLag | InitialTransient) -> np.ndarray:
 
 
 class Pool:
-    """A record, the base that explanations are judged given, and the explanations."""
+    """A record, its base, and the explanations."""
 
     def __init__(self, model: DynamicBiasRegressor, record: Record, thermal: ThermalBase, candidates: Sequence[Effect]):
         self.model, self.record = model, record
@@ -355,7 +355,7 @@ class Pool:
         """What the start of the record may be in the model, each of shape (n, k)."""
 
     def _has(self, effect: Effect) -> bool:
-        """True if the model has an effect already: a decay of the start of the record that is no slow one."""
+        """True if the model has an effect already."""
         return isinstance(effect, InitialTransient) and _times(effect).max(initial=0.0) <= self._started_by
 
     def compared(self, base: np.ndarray) -> Comparison:
@@ -373,22 +373,22 @@ class Pool:
         return self.with_columns(self.unmade(effects))
 
     def unmade(self, effects: Sequence[Effect]) -> list[Explanation]:
-        """Explanations by further effects, which learn the record first, without their columns."""
+        """Explanations by further effects, learned, without columns."""
         for effect in effects:
             effect.learn(self.record)
         return [Explanation(e, np.zeros((0, e.n_columns())), self._has(e)) for e in effects if e.n_columns()]
 
     def _columns(self, effects: Sequence[Effect]) -> list[np.ndarray]:
-        """Columns of effects that have learned the record, as they are judged."""
+        """Columns of learned effects, as they are judged."""
         return [self.rows.weighed(part, out=part) for part in averaged_columns(self.record, effects, FINE)]
 
     def groups(self) -> Iterator[list[Explanation]]:
-        """The explanations with their columns, a few at a time: all of them at once would be held in memory twice."""
+        """The explanations with columns, a few at a time."""
         for first in range(0, len(self.explanations), BATCH):
             yield self.with_columns(self.explanations[first : first + BATCH])
 
     def with_columns(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """Explanations with their columns, which are made, or made anew, where they have none."""
+        """Explanations with their columns made."""
         made = iter(self._columns([e.effect for e in explanations if not len(e.columns)]))
         return [e if len(e.columns) else replace(e, columns=next(made)) for e in explanations]
 
@@ -399,7 +399,7 @@ class Pool:
 
     @cached_property
     def rounding(self) -> float:
-        """Step of the reading, to which it is rounded; 0 where it has none, and for averages, which hide it."""
+        """Rounding step of the reading; 0 for none."""
         if self.record.reading is None or self.data.counts.max() > 1:
             return 0.0
         rows = [self.record.kept(segment.start, segment.stop) for segment in self.record.segments]
@@ -414,7 +414,7 @@ class Pool:
         return np.asarray(averaged_columns(self.record, [static], FINE)[0][:, 0])
 
     def swings(self, width: float) -> int:
-        """Number of times that the temperature turns by more than a width [K]."""
+        """Number of turns of the temperature beyond a width [K]."""
         turns, way, far = 0, 0, self.temperature[0]
         for value in self.temperature.tolist():
             if way * (value - far) > 0 or (way == 0 and abs(value - far) > width):
@@ -425,7 +425,7 @@ class Pool:
 
     @cached_property
     def runs_one_way(self) -> bool:
-        """True if the temperature makes one ramp or staircase: it never turns back by much."""
+        """True if the temperature moves one way."""
         return self.swings(ONE_WAY * float(np.ptp(self.temperature))) == 0
 
     @cached_property
@@ -434,19 +434,19 @@ class Pool:
         return float(np.median(self.data.steps)) if len(self.data.steps) else 1.0
 
     def lapse(self, rows: int) -> float:
-        """Usual time from an averaged row to the one so many rows later [s]; steps need not be even."""
+        """Usual time between rows so far apart [s]."""
         same = self.data.segment[rows:] == self.data.segment[:-rows]
         return float(np.median((self.data.seconds[rows:] - self.data.seconds[:-rows])[same]))
 
     @cached_property
     def place(self) -> np.ndarray:
-        """Place of each averaged row on an even grid, in whole steps; its number where pauses are too long."""
+        """Place of each averaged row, in whole steps."""
         place = np.rint((self.data.seconds - self.data.seconds.min()) / self.spacing).astype(int)
         return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
 
     @cached_property
     def own(self) -> np.ndarray:
-        """Columns of the model but for its decays, and the constant, as they are judged, shape (n, p)."""
+        """The model's columns without decays, (n, p)."""
         effects = [clone(e) for e in self.model.features_.effect_list() if not isinstance(e, InitialTransient)]
         for effect in effects:
             effect.learn(self.record)
@@ -454,7 +454,7 @@ class Pool:
 
     @cached_property
     def out_of_sample(self) -> OutOfSample:
-        """Errors of the model on data that it was not learned from."""
+        """Errors of the model on unseen data."""
         Q = orthonormal(self.own)
         left = self.reading - Q @ (Q.T @ self.reading)
         hidden = float(np.mean(left**2) - np.mean(self.coarse(left[:, None]) ** 2))
@@ -464,7 +464,7 @@ class Pool:
         return OutOfSample(self.coarse(self.reading[:, None])[:, 0], self.coarse(self.own), max(hidden, 0.0))
 
     def size(self, columns: np.ndarray, others: Sequence[np.ndarray]) -> float:
-        """Rms of what columns, shape (n, k), explain of the reading that the model and others do not, in its unit."""
+        """Rms that columns explain beyond model and others."""
         Q = orthonormal(np.column_stack((self.own, *others)))
         own = orthonormal(columns - Q @ (Q.T @ columns))
         left = self.reading - Q @ (Q.T @ self.reading)
@@ -474,19 +474,19 @@ class Pool:
         return float(np.sqrt(max(float(found @ found) - by_chance, 0.0) / len(left)))
 
     def moment(self, effect: Effect) -> float | None:
-        """Share of the rows before the last moment at which an effect begins or ends; None for one without."""
+        """Share of the rows before an effect's last moment."""
         if not isinstance(effect, Step | SeveralSteps | Disturbance):
             return None
         return float(np.mean(self.data.seconds < np.max(effect.seconds_)))
 
     @property
     def own_moment(self) -> float | None:
-        """The last moment of the model's own effects, the levels of runs aside."""
+        """The last moment of the model's own effects."""
         moments = [self.moment(e) for e in self.model.features_.effect_list() if not is_level(self.model, e)]
         return max((moment for moment in moments if moment is not None), default=None)
 
     def coarse(self, columns: np.ndarray) -> np.ndarray:
-        """Averages of some neighbouring rows of columns, shape (n, k), as data not learned from are judged on."""
+        """Averages of columns for tests on unseen data."""
         size = max(1, len(columns) // COARSE)
         return sums_of(columns[: len(columns) // size * size], size) / size
 

@@ -1,4 +1,4 @@
-"""Conditions under which a model's residual is larger than the noise explains."""
+"""Conditions under which a residual exceeds the noise."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms
 def where_it_fails(
     model: DynamicBiasRegressor, record: Record, residual: np.ndarray, rms: float, floor: float
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Under which conditions a model fails, and at which averaging times: `Diagnosis.where` and `Diagnosis.allan`.
+    """Where and at which averaging times a model fails.
 
     `model` (DynamicBiasRegressor): Fitted. `record` (Record): With the recorded columns that are conditions.
     `residual` (array of shape (n_rows,)): Measured less modelled reading; NaN where unknown. `rms` (float): Rms
@@ -55,7 +55,7 @@ def where_it_fails(
 
 
 def first_look(model: DynamicBiasRegressor, X: Any, y: Any) -> pd.DataFrame:
-    """Where a fitted model fails, before it is judged: against noise as large as neighbouring residuals differ."""
+    """Where a model fails, before it is diagnosed."""
     read = record_of(model, X, y)
     record = suspect_record(model, read, X, y, None)
     residual, rms = residuals_of(model, read, record)
@@ -72,7 +72,7 @@ def _places(
     aspects: list[dict[str, Any]],
     values: list[np.ndarray],
 ) -> pd.DataFrame:
-    """Rank stretches of time and ranges of temperature, rate, lag, hour and recorded columns.
+    """Rank stretches of time and ranges of conditions.
 
     One place a row, worst first: by how much more than its part of the record it has, in standard deviations. Empty
     where the error is not clearly beyond the noise. Columns: aspect ("time", "temperature", "rate", "lag difference",
@@ -97,7 +97,7 @@ def _places(
 
 
 def _against_white(data: Averages, floor: float) -> pd.DataFrame:
-    """Allan deviation of the residual against that of white noise: at which averaging times the model fails.
+    """Allan deviation of the residual against white noise.
 
     Columns averaging_time [s], deviation, low, high (95 %), white (the line of the noise floor) and excess (deviation
     over white); from averages over short stretches of time, so the shortest averaging time is one of these.
@@ -113,7 +113,7 @@ def _against_white(data: Averages, floor: float) -> pd.DataFrame:
 
 
 class _Square(Effect):
-    """The square of the reading, which is the residual here: an average over rows says what their average hides."""
+    """The square of a residual, to be averaged."""
 
     def names(self) -> list[str]:
         return ["square"]
@@ -155,7 +155,7 @@ def _bins(
 
 
 def _states(record: Record, column: Any) -> np.ndarray | None:
-    """The values of a column that has few of them, in order; None for others."""
+    """The values of a column with few; None for others."""
     if column is None:
         return None
     ends = (

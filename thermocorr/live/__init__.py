@@ -1,4 +1,4 @@
-"""Floor 5: a fitted model on a running stream."""
+"""A fitted model on a running stream."""
 
 from .corrector import OnlineCorrector
 from .samples import Corrected

@@ -1,4 +1,4 @@
-"""The stream of a live corrector: one segment after the other, sample by sample or in blocks, on stamps and numbers."""
+"""The stream of a live corrector, by samples or blocks."""
 
 from __future__ import annotations
 
@@ -134,11 +134,11 @@ class Stream:
                 stepper.start(known)
 
     def step_to(self, stamp: Any, run: Any) -> float:
-        """Time since the last sample of the same run [s]; infinite for the first."""
+        """Time since the last sample of the run [s]."""
         return math.inf if self.last is None or run != self._run else self.clock.between(stamp, self.last)
 
     def returns_behind(self, before: StreamState, stamp: Any, run: Any) -> bool:
-        """True if a sample tells that the last one's time was false: it is earlier, and follows on those before."""
+        """True if a sample shows that the last time was false."""
         if run != self._run or not stamp < self.last:
             return False
         if before.last is None or before.run != run:  # the first of its run, unless it follows closely on the fit
@@ -213,7 +213,7 @@ class Stream:
     def _judged(
         self, values: dict[Any, float], seconds: float, run: Any
     ) -> tuple[dict[Any, float], dict[Any, float], bool, dict[Any, bool]]:
-        """Inputs as they are taken, twins of doubted ones, whether one is held back, and which are believed again."""
+        """Inputs, twins of doubted ones, and their states."""
         if run != self._gated:
             self._forget_inputs(run)
         twins, held, believed = NONE, False, NONE
@@ -233,7 +233,7 @@ class Stream:
             gate.put(EMPTY)
 
     def _stepped(self, steps: Sequence[Any], values: dict[Any, float]) -> tuple[list[float], float]:
-        """The columns at the sample, with these inputs, and the bias; NaN where powers are no numbers."""
+        """Columns at a sample, and the bias."""
         sample, row = self._sample, list[float]()
         sample.temperature, sample.values = values[self.temperature], values
         try:
@@ -252,7 +252,7 @@ class Stream:
         return float(doubt[0])
 
     def _settle(self, elapsed: float) -> None:
-        """Leave out effects that have nothing more to say in this segment: start-up decays that are over."""
+        """Drop effects that are over: decayed starts."""
         key = self._sample.key
         active = [i for i, stepper in enumerate(self._steppers) if stepper.over(key) >= elapsed]
         self._steps, self._other_steps = ([each[i].step for i in active] for each in (self._steppers, self._others))
@@ -266,7 +266,7 @@ class Stream:
         self._until = min((self._steppers[i].over(key) for i in active), default=math.inf)
 
     def _begin(self, stamp: Any, run: Any, values: Any) -> float:
-        """Start a segment; returns the step since the sample that it continues [s], 0 where it starts afresh."""
+        """Start a segment; returns the step it continues [s]."""
         start, states = self._tied(stamp, run, values)
         key, zero, step = (None, stamp, None) if start is None else start
         self._take_up(key, zero, states)
@@ -281,7 +281,7 @@ class Stream:
             stepper.start(state)
 
     def _tied(self, stamp: Any, run: Any, values: Any) -> tuple[SegmentStart | None, list[Any]]:
-        """Relation to the fitted record of a segment that begins with this row, and its states."""
+        """The fitted states that a segment continues."""
         first = run not in self._seen
         if first:
             self._seen.append(run)
@@ -297,7 +297,7 @@ class Stream:
     # -------------------------------------------------------------------------------------------------- in blocks
 
     def advance_block(self, stamps: np.ndarray, run: Any, values: Any, reading: np.ndarray) -> AdvancedBlock:
-        """Go on by many samples of one run at once, none of which lacks an input; rows as they came."""
+        """Advance by many complete samples of one run."""
         out = AdvancedBlock.empty(len(stamps))
         same_run = self.last is not None and run == self._run
         before = np.maximum.accumulate(np.concatenate(([self.last if same_run else stamps[0]], stamps)))[:-1]
@@ -400,14 +400,14 @@ class Stream:
     def _other_record(
         self, record: Record, states: dict[int, list[Any]], twins: dict[Any, np.ndarray], fresh: bool
     ) -> tuple[Record, dict[int, list[Any]]]:
-        """The record with the twins in the place of what is doubted, and the states that its segments start with."""
+        """The record with doubted inputs replaced by twins."""
         columns = {c: np.where(np.isnan(twin), record.columns[c], twin) for c, twin in twins.items()}
         if self._has_twin and not fresh:
             states = {**states, 0: [stepper.state() for stepper in self._others]}
         return replace(record, columns={**record.columns, **columns}), states
 
     def next_doubt(self, stamps: np.ndarray, run: Any) -> int:
-        """Number of the first row after a gap whose time the next row does not confirm, by a later one.
+        """Number of a row whose time the next one refutes.
 
         The count of rows where there is none. The last row has none behind it.
         """
@@ -423,7 +423,7 @@ class Stream:
     def _record(
         self, here: Any, steps: Any, values: Any, fresh: Any, run: Any
     ) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A record of these rows, how its segments hang on what came before, and the states they start with."""
+        """A record of these rows, with its start states."""
         edges = [0, *(np.flatnonzero(fresh[1:]) + 1).tolist()]
         segments, starts, states = [], {}, {}
         for number, (start, stop) in enumerate(pairwise([*edges, len(here)])):

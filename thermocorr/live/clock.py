@@ -1,4 +1,4 @@
-"""Times of a stream, as numbers on the clock of the fitted record; a mean that follows them."""
+"""Times of a stream as numbers; a mean that follows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MICROSECOND = timedelta(microseconds=1)
 
 
 class Clock:
-    """Stamps of one kind of time, see `Times.stamp`: nanoseconds, seconds or row numbers."""
+    """Stamps of one kind of time, see `Times.stamp`."""
 
     def __init__(self, history: History):
         self.kind = history.kind
@@ -49,7 +49,7 @@ class Clock:
         return (later - earlier) * self._times / self._per
 
     def stamps(self, times: Times) -> np.ndarray:
-        """Stamps of many times, shape (n,); rows without times have those of `next_rows`."""
+        """Stamps of many times, or of `next_rows`."""
         if times.kind != self.kind:
             raise RecordError(
                 f"The fitted record has times of kind {self.kind!r}, these rows have {times.kind!r}. Give both the "
@@ -137,7 +137,7 @@ class Clock:
 
 
 class Tracker:
-    """Mean under an exponential weight of the time since: ``u += (1 - exp(-dt/tau)) (value - u)``.
+    """Exponential mean: ``u += (1 - exp(-dt/tau)) (value - u)``.
 
     `time_constant` (float or time span): tau [s]. `start` (float): u before the first value.
     """
@@ -153,7 +153,7 @@ class Tracker:
         self.last: float | None = None
 
     def one(self, seconds: float, value: float, trusted: bool) -> float:
-        """The mean, after a value that came at `seconds`; one that is not trusted changes nothing."""
+        """The mean after a value; untrusted ones change nothing."""
         if trusted:
             if self.last is not None and seconds > self.last:
                 self.value -= math.expm1((self.last - seconds) / self.time_constant) * (value - self.value)

@@ -1,4 +1,4 @@
-"""A stream that stops and goes on: the part of a live corrector that is saved."""
+"""`OnlineCorrector`: a stream that stops and continues."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from .state import StreamFile, StreamState, from_json, model_mark, to_json
 
 
 class OnlineCorrector:
-    """Corrects a stream of samples: the same numbers as `DynamicBiasRegressor.correct` on the whole of it.
+    """Correct a stream, with the numbers of `correct`.
 
     A stream whose first sample follows on the fitted record in time continues its lags; one that begins with a fitted
     row repeats it; any other starts afresh, at rest, and is flagged for the model's washout. A step longer than the
@@ -106,7 +106,10 @@ class OnlineCorrector:
 
     @property
     def names(self) -> list[str]:
-        """Names of the results: those that were asked for besides the corrected reading stand last."""
+        """Names of the results.
+
+        Those asked for besides the corrected reading come last.
+        """
         names = ["corrected", "bias", "flag"]
         names += [] if self.average is None else ["smoothed"]
         names += [] if self.track is None else ["reference"]
@@ -114,7 +117,10 @@ class OnlineCorrector:
         return names + ([] if self.errors is None or self.average is None else ["u_smoothed"])
 
     def state(self) -> dict[str, Any]:
-        """All that is needed to go on later, in another process: a dict for `json.dumps`."""
+        """The state as a dict for `json.dumps`.
+
+        All that another process needs to continue.
+        """
         average = None if self.average is None else self.average.count
         track = None if self.track is None else self.track.time_constant
         return to_json(
@@ -203,7 +209,7 @@ class OnlineCorrector:
         return self._advance(stream.clock.stamp(time), run, values, U)
 
     def _advance(self, stamp: Any, run: Any, values: dict[Any, float], U: float) -> Corrected:
-        """The answer to a sample of this stamp, run, temperature with columns, and reading."""
+        """The answer to one sample."""
         stream = self._stream
         refused = ""
         for name, limits in self._screen.inputs.items():
@@ -237,7 +243,7 @@ class OnlineCorrector:
         return Corrected(corrected, done.bias, done.flags, **more)
 
     def _consider(self, stamp: Any, run: Any) -> None:
-        """Before a sample: forget the last one if its time was false; doubt this one if it jumps."""
+        """Check a sample's time and jump before it counts."""
         stream = self._stream
         if self._doubt is not None and stream.returns_behind(self._doubt, stamp, run):
             self._put(self._doubt)
@@ -285,7 +291,7 @@ class OnlineCorrector:
         return self._updated(stamps, values, reading, labels).frame(X, self.names)
 
     def _place(self, X: pd.DataFrame) -> None:
-        """Find the first rows of a record without times in the fitted one, as `correct` does.
+        """Find the first rows in the fitted record.
 
         Rows that lack what the model needs tell nothing; they are taken for the next ones, and those behind them too.
         """
@@ -300,7 +306,7 @@ class OnlineCorrector:
         clock.next_row, self._placed = clock.next_row if row == history.n_fitted else row, True
 
     def _updated(self, stamps: np.ndarray, values: dict[Any, np.ndarray], reading: Any, runs: Any) -> Answers:
-        """Answers to samples of these stamps, columns, readings and labels of runs."""
+        """Answers to many samples."""
         why = refused_rows(self._screen.inputs, stamps, values)
         if why is not None:
             return self._passed_over(why, stamps, values, reading, runs)
@@ -320,7 +326,7 @@ class OnlineCorrector:
         return out
 
     def _passed_over(self, why: Any, stamps: Any, values: Any, reading: Any, runs: Any) -> Answers:
-        """`_updated` without the rows that the screen refuses, `why` not being "": as if they had not come."""
+        """Answers without the rows that the screen refuses."""
         kept = why == ""
         before, inner = math.nan if self.track is None else self.track.value, Answers(0)
         if kept.any():

@@ -1,4 +1,4 @@
-"""Samples of a stream: what comes in, and what is answered."""
+"""Samples of a stream, and its answers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Corrected(NamedTuple):
 
     @property
     def flag(self) -> str:
-        """The weightiest reason for distrust, as in `DynamicBiasRegressor.flags`; "" where there is none."""
+        """The first reason for distrust, or ""."""
         return self.flags[0] if self.flags else ""
 
 
@@ -70,7 +70,7 @@ class Answers:
         return pd.DataFrame(result, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def spread(self, why: np.ndarray, reference: float) -> Answers:
-        """Columns with rows between that got nothing, for a reason; `reference` was tracked before them."""
+        """Columns with gaps for rows without answers."""
         out, kept = Answers(len(why)), why == ""
         for name, column in vars(self).items():
             getattr(out, name)[kept] = column
@@ -81,7 +81,7 @@ class Answers:
 
 
 def one_number(value: Any) -> float:
-    """A float; NaN for None. RecordError for text, TypeError for what is of another type."""
+    """A float, NaN for None; errors for anything else."""
     try:
         return math.nan if value is None else float(value)
     except (TypeError, ValueError) as error:
@@ -93,7 +93,7 @@ def one_number(value: Any) -> float:
 
 
 def _through(values: Any, door: Callable[[Any], Any]) -> np.ndarray:
-    """What `door` makes of values, as floats; infinite ones are missing, and absurd ones stay: a stream goes on."""
+    """Values as floats; infinite ones are missing."""
     values = as_pandas(values)
     if getattr(getattr(values, "dtype", None), "kind", "") != "f":
         return np.array(door(values), float)
@@ -108,12 +108,12 @@ def _through(values: Any, door: Callable[[Any], Any]) -> np.ndarray:
 
 
 def readings(y: Any, X: Any) -> np.ndarray:
-    """Readings as floats, row by row as X, NaN where there is none; RecordError for what `evaluate` refuses."""
+    """Readings as floats, row by row as X."""
     return _through(y, lambda values: numeric_reading(values, X))
 
 
 def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
-    """A column as floats, NaN for what is missing; RecordError for what `evaluate` refuses."""
+    """A column as floats, NaN for missing ones."""
     if is_frame(X) and (name not in X.columns or X[name].ndim != 1):
         return np.array(numeric_column(X, name, role), float)  # a sentence about what is wrong
     values = X[name][:] if is_frame(X) else X[:, name]
@@ -121,7 +121,7 @@ def column_of(X: Any, name: Any, role: Any) -> np.ndarray:
 
 
 def refused_rows(inputs: Mapping[Any, Limits], stamps: np.ndarray, values: Any) -> np.ndarray | None:
-    """Why each row is passed over, "" where it is not; None where all are believed."""
+    """Why each row is refused; None for no refusal."""
     lacking = np.flatnonzero(~np.logical_and.reduce([np.isfinite(column) for column in values.values()]))
     found = [
         each for name, limits in inputs.items() for each in limits.reasons(values[name], lambda k: stamps[k].item())
@@ -136,7 +136,7 @@ def refused_rows(inputs: Mapping[Any, Limits], stamps: np.ndarray, values: Any) 
 
 
 def checked_label(label: Any, column: Any) -> Any:
-    """The label of a sample's run; RecordError for one that is missing, and for a date out of reach."""
+    """The label of a sample's run, or RecordError."""
     if type(label) is not str:
         if pd.isna(label):
             raise RecordError(f"The sample has no label of its run in {quoted(column)}. Label every sample.")
@@ -146,7 +146,7 @@ def checked_label(label: Any, column: Any) -> Any:
 
 
 def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any]]:
-    """Stretches of rows of the same run: first row, row after the last, label."""
+    """Stretches of one run: first row, end, label."""
     if labels is None:
         return [(0, n, None)]
     if labels.isna().any():
@@ -185,7 +185,7 @@ class LiveErrors:
         self._mean_variances: dict[int, float] = {}
 
     def variances(self, columns: np.ndarray, seconds: np.ndarray, bias: np.ndarray) -> np.ndarray:
-        """Variance of the bias, and of the noise over its usual one, shape (2, n).
+        """Variances of the bias and the noise, (2, n).
 
         `columns` are those of all `effects`, shape (n, p).
         """
@@ -193,7 +193,7 @@ class LiveErrors:
         return np.stack((errors.bias, errors.noise))
 
     def u(self, variances: np.ndarray, count: int = 1) -> np.ndarray:
-        """Standard uncertainty of corrected readings, or of the mean of the last `count`, shape (n,).
+        """Standard uncertainty of readings, or of their mean, (n,).
 
         The bias of a mean is taken to be as sure as that of its last reading.
         """
@@ -203,7 +203,7 @@ class LiveErrors:
     def of_block(
         self, variances: np.ndarray, corrected: np.ndarray, average: MovingAverage | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Standard uncertainties of a block's corrected readings, and of their moving averages, before these go on."""
+        """Standard uncertainties of a block, before it counts."""
         variances[:, np.isnan(corrected)] = np.nan
         of_mean = np.full(len(corrected), np.nan)
         if average is not None:
@@ -213,7 +213,7 @@ class LiveErrors:
         return self.u(variances), of_mean
 
     def _mean_variance(self, count: int) -> float:
-        """Variance of the mean noise of that many readings, a usual step apart."""
+        """Variance of a mean of consecutive noise."""
         if count not in self._mean_variances:
             noise = replace(self.joint.noise, size_seconds=np.zeros(0), sizes=np.zeros(0))
             self._mean_variances[count] = sum(noise.of_mean(np.arange(count) * self.history.usual_step))

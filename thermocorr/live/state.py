@@ -1,4 +1,4 @@
-"""State of a stream, and how it goes on from it."""
+"""State of a stream, to continue from."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class StreamState:
 
 @dataclass(frozen=True, kw_only=True)
 class StreamFile:
-    """All of a stream: its settings, its place among rows without times, its state, and the one to return to."""
+    """A stream's settings, state and previous state."""
 
     format: Literal["thermocorr stream 3"] = "thermocorr stream 3"
     model: str
@@ -72,7 +72,7 @@ class StreamFile:
 
 
 def model_mark(model: DynamicBiasRegressor) -> str:
-    """Digest that tells models apart: of columns, coefficients and the times of the fitted record."""
+    """Digest that tells models apart."""
     history = model.features_.history_
     said = repr((list(model.features_.get_feature_names_out()), history.kind, history.zero, float(model.intercept_)))
     return hashlib.sha256(said.encode() + model.coef_.astype("<f8").tobytes()).hexdigest()
@@ -85,7 +85,7 @@ def to_json(stream: StreamFile) -> dict[str, Any]:
 
 
 def from_json(model: DynamicBiasRegressor, node: Any) -> StreamFile:
-    """The stream that `to_json` wrote for this model; every value is checked."""
+    """The stream that `to_json` wrote, checked."""
     try:
         found: StreamFile = read(StreamFile, node, "$", EffectCodec().unpack)
         _require(found.model == model_mark(model), "it belongs to another model")
@@ -102,7 +102,7 @@ def from_json(model: DynamicBiasRegressor, node: Any) -> StreamFile:
 
 
 def _check(state: StreamState, model: DynamicBiasRegressor, effects: Sequence[Effect], stream: StreamFile) -> None:
-    """Refuse a state whose parts do not belong together, or not to the model."""
+    """Refuse a state that does not fit the model."""
     history = model.features_.history_
     inputs = 0 if history.screen is None else sum(one.motion is not None for one in history.screen.inputs.values())
     kind = float if history.kind == "seconds" else int

@@ -1,4 +1,4 @@
-"""Floor 3: estimators in scikit-learn's manner."""
+"""Estimators: features, regressor, search, comparison."""
 
 from .advice import Advice
 from .budget import Budget, Uncertainty

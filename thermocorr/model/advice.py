@@ -1,4 +1,4 @@
-"""Advice on which correction to use, if any, by errors on data not learned from."""
+"""Advice on a correction, by errors on unseen data."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ REFINED = "refined"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Advice:
-    """Advice on which correction to use, if any. Prints as a table."""
+    """Advice on which correction to use. Prints as a table."""
 
     choice: str
     """ "none", "static", "dynamic" or "refined"; "" where the record is too short to say: fewer than 100 readings."""
@@ -71,7 +71,7 @@ class Advice:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Range in which a later error of what is advised is to be expected.
+        """Range in which a later error is expected.
 
         As far from the mean of later stretches as the least and the greatest error of these and of the longer
         forecasts, and as far again (`benchmarks/value.py --parts measured` counts how often it holds). NaN for fewer
@@ -85,12 +85,12 @@ class Advice:
 
     @property
     def longest(self) -> float:
-        """Error of what is advised on the last 30 % of the record, predicted from the first 70 %."""
+        """Error on the last 30 %, predicted from the first 70 %."""
         name = self.variant or min(NEEDLESS, key=self._of)
         return float(self.table[LONGEST].to_numpy(float)[list(self.table.index).index(name)])
 
     def promise(self, scale: Scale) -> str:
-        """The error of what is advised, its range, and how far ahead: for a sentence."""
+        """The advised error, its range and its reach, in words."""
         after, low, high, longest = (scale.number(v, 2) for v in (self.after, *self.range, self.longest))
         unit = f" {unit_text(scale.unit)}" if scale.unit else ""
         if not np.isfinite(self.range[0]):
@@ -115,11 +115,11 @@ class Advice:
         )
 
     def using(self, name: str, models: Mapping[str, Any]) -> Advice:
-        """The advice as if a variant were advised that the user asked for."""
+        """The advice for a variant that the user chose."""
         return replace(self, choice=_kind(models[name]) if self.choice else "", variant=name)
 
     def sentence(self, scale: Scale | None = None) -> str:
-        """Sentence on which correction to use, and its error; `scale` is the unit of the errors."""
+        """Sentence on which correction to use, and its error."""
         if not self.choice:
             return "Whether a correction helps on data not learned from cannot be told: the record is too short."
         scale = scale or self.scale()
@@ -150,7 +150,7 @@ class Advice:
 
 
 def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
-    """Choose between variants of a model, and no correction by temperature at all.
+    """Choose between variants, and no temperature correction.
 
     Each is predicted on the same later stretches, from all before them, and on the last 30 % of the record. Chosen is
     the simplest within `SIMPLER` of the best, of those that are better by `GAIN` on both than what needs no
@@ -182,13 +182,13 @@ def advise(variants: Mapping[str, Any], X: Any, y: Any) -> Advice:
 
 
 def _beats(table: pd.DataFrame, name: str, others: Sequence[str]) -> bool:
-    """True if a correction is better by `GAIN` than the best of others, on later stretches and in the longest one."""
+    """True if a correction is better by `GAIN`, twice."""
     both = table[["all", LONGEST]].dropna(axis=1)
     return all(reduction_db(both[c][name], both[c][list(others)].min()) <= -GAIN for c in both)
 
 
 def needless_rms(law: OutOfSample, moment: float | None = None) -> float:
-    """Rms error on later stretches, as a law of the same readings has it, of the best that needs no temperature."""
+    """Later rms error of the best law without temperature."""
     level = OutOfSample(law.reading, law.base[:, :1], law.unseen)
     drift = level.with_columns(law.base[:, :1] * np.linspace(-1.0, 1.0, len(law.reading))[:, None])
     latest = _Stretches(law.reading, law.unseen).of_latest(later_pieces(moment))
@@ -198,7 +198,7 @@ def needless_rms(law: OutOfSample, moment: float | None = None) -> float:
 def advise_refined(
     advice: Advice, variants: Mapping[str, Any], refined: Any, moment: float | None, X: Any, y: Any
 ) -> Advice:
-    """The advice with a refined model in the list, which is chosen if it is better by `GAIN` than what was advised.
+    """The advice with a refined model in the list.
 
     `moment` (float, optional): Share of the readings before the last of its effects that has a date.
     """
@@ -215,7 +215,7 @@ def advise_refined(
 def _errors(
     variants: Mapping[str, Any], record: Record, moment: float | None = None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`Advice.table`, empty for too few readings, and the lengths of its stretches.
+    """`Advice.table`, and the lengths of its stretches.
 
     The last variant has the effects with dates and levels of all.
     """
@@ -262,7 +262,7 @@ def _kind(model: Any) -> str:
 
 
 def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
-    """The user's record with the columns of a model, and the readings that are learned from."""
+    """The record with a model's columns, and its readings."""
     features = model.features_
     needed = [name for effect in features.effect_list() for name in effect.inputs()]
     read = read_record(X, features.layout(), y=reading, needed=needed, quiet=True)
@@ -271,13 +271,13 @@ def _record(model: Any, X: Any, reading: np.ndarray) -> Record:
 
 
 def _levels(model: Any) -> tuple[float, ...]:
-    """Moments at which the reading has another level [s], which its corrections keep: of events, and between runs."""
+    """Moments at which the reading's level changes [s]."""
     events = [effect for effect in model.features_.effect_list() if isinstance(effect, Events)]
     return tuple(sorted({*model._run_levels.times, *(float(time) for event in events for time in event.seconds_)}))
 
 
 def _effects(model: Any, record: Record) -> list[Effect]:
-    """Effects of a model that tell something of other stretches: no start-up, no level of a run or behind an event."""
+    """Effects that carry over to other stretches."""
     own = [
         clone(effect)
         for effect in model.features_.effect_list()
@@ -290,14 +290,14 @@ def _effects(model: Any, record: Record) -> list[Effect]:
 
 
 def _level_free(columns: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Columns without the mean of each run that has a level of its own."""
+    """Columns less their mean in each run with a level."""
     if not groups.any():
         return columns
     return np.asarray(columns - pd.DataFrame(columns).groupby(groups).transform("mean").to_numpy())
 
 
 def _left(reading: np.ndarray, columns: np.ndarray) -> float:
-    """Mean square of averages that a law of columns, shape (n, k), and a constant leave of a reading."""
+    """Mean square that columns and a constant leave."""
     base = np.column_stack((np.ones(len(reading)), columns))
     size = np.linalg.norm(base, axis=0)
     base = base / np.where(size > 0, size, 1.0)
@@ -317,7 +317,7 @@ def _hidden(reading: np.ndarray, columns: np.ndarray, data: Averages) -> float:
 
 
 class _Stretches:
-    """A reading, shape (n,), and mean square errors of laws of it on stretches that they were not learned from."""
+    """Errors of laws of a reading on unseen stretches."""
 
     def __init__(self, reading: np.ndarray, hidden: float = 0.0, moment: float | None = None):
         self.reading, self.hidden, self.moment = reading, hidden, moment
@@ -331,7 +331,7 @@ class _Stretches:
         return self.with_columns(columns).reading_errors(self.moment)
 
     def of_latest(self, folds: Sequence[tuple[range, range]]) -> np.ndarray:
-        """Errors of the mean of the last readings before each stretch; NaN where none is behind `moment`."""
+        """Errors of the mean of the last readings."""
         edges = np.linspace(0, len(self.reading), PIECES + 1).astype(int)
         found = []
         begin = 0 if self.moment is None else int(np.ceil(self.moment * PIECES))
@@ -342,7 +342,7 @@ class _Stretches:
         return np.maximum(found, 1e-300) + self.hidden
 
     def least(self, static: np.ndarray, lags: np.ndarray) -> float:
-        """Least error of static laws, and of these with lags that are added one after the other."""
+        """Least error of static laws, and with lags."""
         law = self.with_columns(static)
         least = min(geometric_mean(self.errors(static[:, :1])), geometric_mean(law.reading_errors()))
         for _ in range(TOGETHER):
@@ -352,7 +352,7 @@ class _Stretches:
 
 
 def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> float:
-    """Fall of the error from laws of the temperature against laws of its shifted copies [dB].
+    """Gain over laws of shifted temperatures [dB].
 
     NaN where the laws of all copies can make the temperature itself.
     """

@@ -1,4 +1,4 @@
-"""Averages of readings and of many effects' columns over short stretches of time.
+"""Averages of readings and columns over short stretches.
 
 Averages commute with linear least squares: a model of the readings is a model of their averages, with the same
 coefficients and fewer, quieter rows.
@@ -29,7 +29,7 @@ AHEAD_ROWS = 1 << 17
 
 @dataclass(frozen=True, kw_only=True)
 class Averages:
-    """Averages over stretches of time, none of which crosses from one segment into the next."""
+    """Averages over stretches within segments."""
 
     reading: np.ndarray
     """Shape (n,)."""
@@ -49,7 +49,7 @@ class Averages:
 
 
 def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARSE) -> Averages:
-    """Average the readings and all effects' columns over stretches of equal numbers of rows.
+    """Average readings and columns over equal numbers of rows.
 
     Rows without a reading are left out of the averages, columns and all. Effects must have learned the record.
     """
@@ -75,7 +75,7 @@ def averaged(record: Record, effects: Sequence[Effect], n_stretches: int = COARS
 
 
 def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int) -> list[np.ndarray]:
-    """The columns of `averaged` alone: one array of shape (n, width) for each effect."""
+    """The columns of `averaged`, shape (n, width) per effect."""
     width = stretch_of(record, n_stretches)
     near = iter(_columns([(record, e) for e in effects if not e.foresees], width, ROWS))
     far = iter(_columns([(record, e) for e in effects if e.foresees], width, AHEAD_ROWS))
@@ -83,13 +83,13 @@ def averaged_columns(record: Record, effects: Sequence[Effect], n_stretches: int
 
 
 def averaged_copies(copies: Sequence[tuple[Record, Effect]], n_stretches: int) -> list[np.ndarray]:
-    """As `averaged_columns`, of an effect in many records that have their times and readings in common."""
+    """Averaged columns of an effect in many similar records."""
     rows = AHEAD_ROWS if copies[0][1].foresees else ROWS
     return _columns(copies, stretch_of(copies[0][0], n_stretches), rows)
 
 
 def _columns(pairs: Sequence[tuple[Record, Effect]], width: int, rows: int) -> list[np.ndarray]:
-    """Columns of effects in records of the same rows, averaged over `width` rows, from blocks of about `rows` rows."""
+    """Averaged columns of effects, from blocks of `rows` rows."""
     if not pairs:
         return []
     record = pairs[0][0]
@@ -138,13 +138,13 @@ def _rows(width: int, rows: int) -> int:
 
 
 def _shares(record: Record, block: Block) -> np.ndarray:
-    """1 for each row of a block with a reading, 0 for others, shape (n,)."""
+    """1 for rows with a reading, else 0, shape (n,)."""
     assert record.reading is not None
     return np.asarray(np.isfinite(np.asarray(record.reading[block.rows], float)), float)
 
 
 def sums_of(columns: np.ndarray, width: int) -> np.ndarray:
-    """Sums over stretches of `width` rows, shape (stretches, k); the last stretch may be shorter."""
+    """Sums over stretches of `width` rows, shape (stretches, k)."""
     if len(columns) % width or not columns.size:
         return np.asarray(np.add.reduceat(columns, np.arange(0, len(columns), width), axis=0))
     return np.asarray((columns.T.reshape(columns.shape[1], -1, width) @ np.ones(width)).T)
@@ -168,7 +168,7 @@ def rms(values: np.ndarray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Binned:
-    """Averages over stretches of equal numbers of rows, none across a segment's end."""
+    """Averages over equal numbers of rows, within segments."""
 
     segment: np.ndarray
     """Number of the segment, shape (n,)."""
@@ -205,7 +205,7 @@ class Binning:
         self.known = np.ones(self.before[-1] if self.whole else 0, bool)
 
     def take(self, block: Block, columns: np.ndarray, places: Sequence[int], reading: np.ndarray) -> None:
-        """Rows ``[.. | columns | U]`` of a block, the columns' numbers, and readings, NaN where there is none."""
+        """Rows ``[.. | columns | U]`` of a block, and its readings."""
         bins, at = self.bins(block)
         known = np.isfinite(reading)
         all_known = bool(known.all())
@@ -220,7 +220,7 @@ class Binning:
             self.columns[rows[:, None], places] += means[:, -1 - len(places) : -1]
 
     def bins(self, block: Block) -> tuple[slice | np.ndarray, np.ndarray]:
-        """Numbers of the bins that a block's rows fall into, and the first of its rows in each."""
+        """Bin numbers of a block's rows, and first rows."""
         first, low = int(self.first[block.segment]), block.start - int(self.starts[block.segment])
         if block.is_whole:
             begin, end = low // self.width, (low + len(block) - 1) // self.width + 1
@@ -232,7 +232,7 @@ class Binning:
         return bins[at], at
 
     def binned(self) -> Binned:
-        """All that was gathered; bins whose rows were all passed over are left out."""
+        """All that was gathered, without empty bins."""
         seen = np.isfinite(self.begins)
         segment = np.repeat(np.arange(len(self.starts), dtype=np.int32), np.diff(self.first))
         count = np.maximum(self.count[seen], 1.0)
@@ -248,7 +248,7 @@ class Binning:
 
 
 def binned_columns(effects: Sequence[Effect], history: History, bins: Binned) -> tuple[np.ndarray, list[list[object]]]:
-    """Means of effects' columns in the bins of a history that keeps every row, and their states at segments' ends.
+    """Binned columns of effects, and their final states.
 
     Rows without a reading do not count.
     """

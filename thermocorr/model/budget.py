@@ -1,4 +1,4 @@
-"""Budgets after the GUM, and the rows that they are asked for."""
+"""Uncertainty budgets after the GUM."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class BudgetLine:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Budget:
-    """Input quantities of one corrected value, and what they make of its uncertainty (GUM, JCGM 100:2008, 5.1 and G.4).
+    """Input quantities and uncertainty of one value, GUM 5.1 and G.4.
 
     The quantities are uncorrelated.
     """
@@ -129,7 +129,7 @@ class Budget:
     __repr__ = __str__
 
     def result(self) -> str:
-        """The value with its uncertainty in one line: ``corrected = 103.957 12(13) mV, k = 1.96, 95 %``."""
+        """One line: ``corrected = 103.957 12(13) mV, k = 1.96, 95 %``."""
         note = "" if self.status == "signed" else f", {self.status}"
         return f"{self.name} = {self.short()}, k = {self.k:.2f}, {100 * self.coverage:g} %{note}"
 
@@ -156,7 +156,7 @@ class Budget:
 def effective_dof(
     variances: Sequence[Any], dofs: Sequence[float], causes: Sequence[str] | None = None
 ) -> np.ndarray | float:
-    """Degrees of freedom of a sum of variances, GUM (G.2b); those of one cause are added before.
+    """Degrees of freedom of a sum of variances, GUM (G.2b).
 
     `variances` (sequence of float or of arrays of shape (n,)). `dofs` (sequence of float). `causes` (sequence of str,
     optional): By default each has its own.
@@ -173,7 +173,7 @@ def effective_dof(
 
 
 def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | float:
-    """Half width of a central interval in standard uncertainties: Student's t, GUM G.3.
+    """Half width in standard uncertainties, Student's t, GUM G.3.
 
     By the beta distribution of t² / (dof + t²) and its complement: exact in every version of scipy.
     """
@@ -183,7 +183,7 @@ def coverage_factor(dof: np.ndarray | float, coverage: float) -> np.ndarray | fl
 
 
 def concise(value: float, U: float) -> str:
-    """``103.957 12(13)``: two digits of uncertainty, digits in groups of three (GUM 7.2.2, ISO 80000-1)."""
+    """``103.957 12(13)``, as GUM 7.2.2 writes it."""
     if not (np.isfinite(value) and np.isfinite(U)):
         return f"{value:.6g}"
     if U <= 0:
@@ -214,7 +214,7 @@ MOST_ROWS = 5000
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Uncertainty:
-    """Corrected readings of a record with their uncertainties, after the GUM (JCGM 100:2008).
+    """Corrected readings with uncertainties, after the GUM.
 
     Made by `DynamicBiasRegressor.uncertainty`.
     """
@@ -248,12 +248,12 @@ class Uncertainty:
 
     @property
     def dof(self) -> np.ndarray:
-        """Effective degrees of freedom of each row (Welch and Satterthwaite), shape (n,)."""
+        """Effective degrees of freedom, Welch and Satterthwaite, shape (n,)."""
         variances = [self.variances[part] for part in PARTS]
         return np.asarray(effective_dof(variances, [self._dof_of(p) for p in PARTS], [CAUSES[p] for p in PARTS]))
 
     def frame(self) -> pd.DataFrame:
-        """One row for each reading: corrected, u, dof, k, U, low, high, a column for each part, status.
+        """One row per reading: corrected, u, dof, k, U, interval, parts.
 
         All but dof, k and status in the unit of the reading.
         """
@@ -305,14 +305,14 @@ class Uncertainty:
         )  # fmt: skip
 
     def mean(self, rows: Any = None) -> Budget:
-        """Mean of some corrected readings: the same as `budget`; its `value`, `u`, `dof`, `k` and `U` are the mean's.
+        """Mean of some corrected readings, as a budget.
 
         Level and coefficients do not become better by averaging, noise that remembers does so slowly.
         """
         return self.budget(rows)
 
     def covariance(self, rows: Any) -> np.ndarray:
-        """Covariance matrix of the corrected readings of some rows, in the unit of the reading squared, shape (m, m).
+        """Covariance of some corrected readings, shape (m, m).
 
         Raises
         ------
@@ -348,7 +348,7 @@ class Uncertainty:
         self.frame().to_csv(path)
 
     def certificate(self, rows: Any = None) -> str:
-        """The mean of some rows as a signed value, with its budget.
+        """The mean of some rows as a signed value.
 
         Raises
         ------
@@ -399,7 +399,7 @@ class Uncertainty:
         }[part]  # fmt: skip
 
     def _rows(self, rows: Any) -> np.ndarray:
-        """Numbers of the rows that are meant and have an uncertainty, increasing."""
+        """Numbers of the rows that have an uncertainty."""
         at = asked_rows(rows, len(self.corrected), self.index)
         if not len(at):
             raise ValueError(f"No row is asked for: {rows!r:.80} is empty.")

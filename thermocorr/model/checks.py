@@ -1,4 +1,4 @@
-"""Warnings on identifiability: constant columns, cancelling ones, time constants too close to each other."""
+"""Checks: identifiability, fitted ranges, units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ With half of it one harmonic of half an hour is told there too (700 to 6e3); twi
 
 
 def cancelling(effects: Sequence[Effect], solution: RidgeSolution, reading: Reading) -> list[str]:
-    """A sentence on a fit whose contributions cancel far beyond the spread of the readings; none where all is well.
+    """Sentence on contributions that cancel, if they do.
 
     Each contribution counts with its rms over the fitted rows. Powers of T - T0 count with their standard deviation:
     how far T0 stands from the record is the user's choice.
@@ -84,7 +84,7 @@ ONE_WAY = 0.1
 
 
 def learned_ranges(model: Any) -> np.ndarray:
-    """Least and greatest share of each effect of a fitted model, `MARGIN` wider, shape (n_effects, 2).
+    """Range of each effect's share, `MARGIN` wider, shape (n_effects, 2).
 
     Infinite for effects of time alone, for those that `correct` keeps, and for the static law, whose temperatures have
     a range of their own.
@@ -101,7 +101,7 @@ def learned_ranges(model: Any) -> np.ndarray:
 
 
 def one_way(record: Record, thermometers: Iterable[Any]) -> list[str]:
-    """A sentence on each thermometer that only rises in a record, or only falls."""
+    """Sentence on thermometers that move one way only."""
     said = []
     for name in thermometers:
         fall = rise = 0.0
@@ -140,22 +140,22 @@ class UnitGuard:
         return cls(model.reading_, {name: model.features_.history_.ranges[name] for name in model.thermometers_})
 
     def check_readings(self, y: Any, X: Any) -> None:
-        """Compare the unit of readings with that of the fitted ones; nothing where they have no name."""
+        """Compare the unit of readings with the fitted one."""
         name = y.columns[0] if isinstance(y, pd.DataFrame) and y.shape[1] == 1 else getattr(y, "name", None)
         if name is not None:
             self.check_reading(str(name), unit_of(name, y) or unit_of(name, X))
 
     def check_reading(self, name: str, unit: str | None = None) -> None:
-        """Compare the unit of a column of readings; by default that in its name."""
+        """Compare the unit of a column of readings."""
         _check_unit("reading", name, self.fitted.name, unit, self.fitted.unit)
 
     def check_record(self, record: Record, X: Any) -> None:
-        """Compare the thermometers of a record that was read from X, which may name units (``X.attrs["units"]``)."""
+        """Compare the units of a record's thermometers."""
         for thermometer in self.ranges:
             self.check_temperature(thermometer, unit_of(thermometer, X), first_median(record, thermometer))
 
     def check_values(self, thermometer: Any, values: np.ndarray, X: Any) -> None:
-        """Compare a block of a stream; a few rows tell nothing by their values, for they may be damaged ones."""
+        """Compare a block of a stream by its units alone."""
         known = values[np.isfinite(values)]
         median = float(np.median(known)) if len(known) >= ENOUGH else None
         self.check_temperature(thermometer, unit_of(thermometer, X), median)
@@ -163,7 +163,7 @@ class UnitGuard:
     def check_temperature(
         self, thermometer: Any, unit: str = "", median: float | None = None, column: str | None = None
     ) -> None:
-        """Compare a thermometer: its stated unit, "" for none, and the median of several values where some have come.
+        """Compare a thermometer's stated unit, and its median.
 
         `column` (str, optional): What it is called, where that is another name than in the fitted record.
         """
@@ -187,7 +187,7 @@ _IN_DEGC: dict[str, tuple[Callable[[float], float], Callable[[float], float]]] =
 
 
 def _check_ambient(fitted: Reading, name: str, fitted_name: str, unit: str, median: float | None) -> None:
-    """Refuse a temperature whose stated unit is not that of the fitted one.
+    """Refuse a temperature in another stated unit.
 
     Where the fitted record named no unit, the values tell: fitted ones that are no ambient temperatures in the unit
     that they were taken for, but are in the stated one, and among which these are as they stand, have the stated unit,
@@ -246,7 +246,7 @@ def _from(unit: str, other: str, value: float) -> float:
 
 
 def _check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitted_unit: str | None = None) -> None:
-    """Refuse a column in another unit than the fitted column has, where both units are written.
+    """Refuse a column in another written unit.
 
     Units that nobody gives are those of the names.
     """
@@ -262,7 +262,7 @@ def _check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitt
 
 
 def _check_median(median: float, thermometer: Any, low: float, high: float) -> None:
-    """Refuse a temperature, the median of several rows, in another unit than the fitted one; warn of likely degF."""
+    """Refuse a median in another unit; warn of likely degF."""
     span = high - low
     if said := unit_told_by(median, other_units(low, high)):
         raise RecordError(

@@ -1,4 +1,4 @@
-"""Noise of a record by restricted maximum likelihood, beside columns of which some have a prior.
+"""Noise of a record by restricted maximum likelihood.
 
 Patterson & Thompson (Biometrika 58, 1971) for the noise, MacKay's updates (Neural Comput. 4, 1992) for the scale of the
 priors, both on sums over bands of frequency, as in `thermocorr.equations.noise`. The noise is an average of models,
@@ -50,14 +50,14 @@ class Restricted:
     """What a unit of each part's variance makes of the covariance, weights held, shape (parts, p, p)."""
 
     def freedom(self, form: np.ndarray) -> float:
-        """Effective degrees of freedom of ``trace(form @ covariance)`` (Satterthwaite, Biometrics Bull. 2, 1946)."""
+        """Satterthwaite's degrees of freedom of ``trace(form @ covariance)``."""
         each = np.einsum("kij,ji->k", self.by_part, form)
         mean, variance = float(each @ self.theta), float(each @ self.theta_covariance @ each)
         return 2 * mean**2 / variance if variance > 0 else np.inf
 
 
 class BandSums:
-    """Sums of a record in bands of frequency, and what they say under any noise.
+    """Sums of a record in bands of frequency.
 
     `columns` (array of shape (n, p)): Of about unit length each. `reading` (array of shape (n,)). `span` (array of
     shape (n,)): Number of the span of each row; the noise of different spans is independent. `groups` (sequence of
@@ -118,7 +118,7 @@ class BandSums:
             self.scales[i] = max(float(np.sum(group * coef**2)) / max(known, 0.1), 1e-300)
 
     def left(self, coef: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Degrees of freedom that the coefficients leave in each band, and sums of squares."""
+        """Residual degrees of freedom and squares, per band."""
         flat = self.products.reshape(len(self.power), -1)
         share = self.bands.sizes - flat @ V.ravel() / (self.parts @ self.theta)
         power = self.power - 2 * self.moments @ coef + flat @ np.outer(coef, coef).ravel()
@@ -135,7 +135,7 @@ class BandSums:
         return other
 
     def settle(self) -> BandSums:
-        """Noise and priors with all parts free, before models of the noise are averaged."""
+        """Noise and priors with all parts free."""
         # Most rounds of coefficients, noise and priors with all parts free, before the models are averaged
         for _ in range(8):
             before = np.concatenate((self.parts @ self.theta, self.scales))
@@ -148,7 +148,7 @@ class BandSums:
         return self
 
     def evidence(self) -> float:
-        """Log likelihood under the present noise and priors, the coefficients integrated out, but for a constant.
+        """Log likelihood, coefficients integrated out.
 
         For comparing columns of which all that differ have a prior.
         """
@@ -160,7 +160,7 @@ class BandSums:
         return float(-0.5 * (size + self.power @ (1 / S) - b @ inverse(H) @ b))
 
     def estimate(self, seed: int = 0) -> Restricted:
-        """The answer, once settled; `seed` is that of the draws which tell how well the noise is known."""
+        """The answer; `seed` is that of its draws."""
         # Rounds with the average
         for _ in range(3):
             self.turn(averaged=True)
@@ -177,7 +177,7 @@ class BandSums:
 
 
 class AveragedModels:
-    """All models of white noise and two kinds of wandering, averaged by their likelihoods.
+    """Models of white and wandering noise, averaged by likelihood.
 
     A kind is one part, or a mix of all of them whose variances go with a power of their correlation time.
 
@@ -197,7 +197,7 @@ class AveragedModels:
         self.theta: np.ndarray | None = None
 
     def average(self, share: np.ndarray, power: np.ndarray) -> np.ndarray:
-        """Variances of the parts, shape (parts,); `share` and `power` are those of `fitted_parts`, for one record.
+        """Averaged variances of the parts, shape (parts,).
 
         A second call goes on from what the first has found.
         """
@@ -222,7 +222,7 @@ class AveragedModels:
 
 
 def inverse(H: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix of columns of very different size; directions that are not there get nothing."""
+    """Inverse of an ill-scaled symmetric matrix; null directions get 0."""
     scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     values, vectors = np.linalg.eigh(H * scale[:, None] * scale)
     kept = values > LEAST * values[-1]
@@ -274,7 +274,7 @@ class Basis:
 
 
 def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
-    """The basis of a fitted model, from the bins of its record and what was taken off the readings there."""
+    """The basis of a fitted model, from its bins."""
     effects, history = model.features_.effect_list(), model.features_.history_
     grid, usual_longest = _spectrum(model)
     if bins.columns is not None:
@@ -304,7 +304,7 @@ def basis_of(model: Any, bins: Binned, offset: float) -> Basis:
 
 
 def _slower(effects: Sequence[Effect], grid: np.ndarray, longest: float) -> np.ndarray:
-    """Lags with all time constants of a grid that are slower than the longest one, shape (1 + p,)."""
+    """Lags beyond the model's slowest, shape (1 + p,)."""
     slow = [np.zeros(1, bool)]
     for effect in effects:
         wide = np.array_equal(getattr(effect, "time_constants", ()), grid) and effect.n_columns() == len(grid)
@@ -313,7 +313,7 @@ def _slower(effects: Sequence[Effect], grid: np.ndarray, longest: float) -> np.n
 
 
 def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray]:
-    """Columns of the lags and of the decays that are not the model's own: 1 for those, 0 for others, shape (1 + p,)."""
+    """Columns added to the model's own lags and decays."""
     edges = np.cumsum([1, *(effect.n_columns() for effect in effects)])
     groups = []
     for start, effect, narrow in zip(edges, effects, own, strict=False):
@@ -330,7 +330,7 @@ def _priors(effects: Sequence[Effect], own: Sequence[Effect]) -> list[np.ndarray
 
 
 def _spectrum(model: Any) -> tuple[np.ndarray, float]:
-    """Time constants that may be there, for a model that has searched its own, and the longest without doubt [s].
+    """Possible time constants, and the longest certain one [s].
 
     Empty for others.
     """
@@ -350,7 +350,7 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
 
 
 def _widened(effect: Effect, grid: np.ndarray, searched: Sequence[Any], history: History) -> Effect:
-    """A lag with all time constants of a grid, start-up decays with those that the model leaves out; others as are.
+    """An effect with all time constants of a grid.
 
     So are lags of further thermometers, the columns `searched`.
     """
@@ -368,7 +368,7 @@ def _widened(effect: Effect, grid: np.ndarray, searched: Sequence[Any], history:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaledBasis:
-    """A basis in columns of unit length and a reading of unit noise, of the same size at all times."""
+    """A basis of unit columns and unit noise."""
 
     columns: np.ndarray
     reading: np.ndarray

@@ -1,4 +1,4 @@
-"""`DiffusiveFeatures`: the paper's matrix Q as a scikit-learn transformer, built from effects."""
+"""`DiffusiveFeatures`: the paper's matrix Q, built from effects."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ THERMAL_CONSTRAINTS: dict[str, Any] = {
 
 
 class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
-    """Columns of the diffusive model, eqs. (19)-(23): T^i, lag differences, start-up decays, products.
+    """Columns of eqs. (19)-(23): T^i, lags, decays, products.
 
     Time is part of the data. Rows that follow on the fitted record in time (the test fold of a `TimeSeriesSplit`,
     tomorrow's log) continue its lags; rows that repeat it reproduce its columns; anything else starts afresh by
@@ -156,7 +156,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         self.reference = reference
 
     def fit(self, X: Any, y: Any = None) -> DiffusiveFeatures:
-        """Learn the reference temperature, the segments and the states at their ends.
+        """Learn T0, the segments and their final states.
 
         Parameters
         ----------
@@ -168,14 +168,17 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return self
 
     def fit_transform(self, X: Any, y: Any = None, **fit_params: Any) -> np.ndarray:
-        """Fit, and return the columns of the fitted record, in one pass."""
+        """Fit, and return the columns, in one pass."""
         record = self.learn(X)
         columns, ends = self._collect(record, self.walk_fitted(record))
         self.remember(record, ends)
         return columns
 
     def transform(self, X: Any) -> np.ndarray:
-        """Columns for a record, shape (n_rows, n_columns_out); NaN in rows without a temperature, or a refused one."""
+        """Columns of a record, NaN without a valid temperature.
+
+        Shape (n_rows, n_columns_out).
+        """
         record, starts, states = self.resume(X)
         return self._collect(record, self.walk_resumed(record, starts, states))[0]
 
@@ -187,7 +190,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     # What the estimators above use: the same steps, without materialising the matrix.
 
     def learn(self, X: Any, y: Any = None) -> Record:
-        """Read data, and let every effect learn its constants; returns the record."""
+        """Read data, and let every effect learn; returns the record."""
         record = self.read(X, y)
         self.learn_from(record)
         return record
@@ -214,14 +217,14 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return record
 
     def taking(self, reader: DiffusiveFeatures) -> DiffusiveFeatures:
-        """These features, with what others found when they read the same data."""
+        """These features, with what others learned from the data."""
         for name in ("n_features_in_", "feature_names_in_", "screen_"):
             if hasattr(reader, name):
                 setattr(self, name, getattr(reader, name))
         return self
 
     def learn_from(self, record: Record) -> None:
-        """Let every effect learn its constants from a record that was read."""
+        """Let every effect learn from a record."""
         self.effects_ = [
             *self._thermal_part(), *((name, _copy(effect)) for name, effect in self.further_effects()),
         ]  # fmt: skip
@@ -243,11 +246,11 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
     def walk_resumed(
         self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
     ) -> Iterator[Walked]:
-        """Columns of a record tied to the fitted one, block by block."""
+        """Columns of a record that continues the fitted one."""
         return walk(self.effect_list(), record, zero=self.history_.zero, starts=starts, states=states)
 
     def resume(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """Validate a new record, unless it was read before, and tie it to the fitted one."""
+        """Validate a new record and tie it to the fitted one."""
         check_is_fitted(self, "history_")
         effects = self.effect_list()
         if isinstance(X, Record):
@@ -266,7 +269,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return Thermometers.of(self.temperature)
 
     def further_effects(self) -> list[tuple[str, Effect]]:
-        """Effects beside the static law and the lags of the temperature: further thermometers, and those given."""
+        """Effects besides the static law and the lags."""
         own, named = as_effects(self.effects), self.thermometers().effects(self.time_constants, self.hold)
         taken = {name for name, _ in own}
         return [*((name if name not in taken else f"{name}_lags", effect) for name, effect in named), *own]
@@ -276,7 +279,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return [effect for _, effect in self.effects_]
 
     def first_of(self, kind: type[Effect]) -> tuple[Any, slice]:
-        """The first effect of a kind, None where there is none, and which of all columns it has."""
+        """The first effect of a kind, or None, and its columns."""
         at = 0
         for effect in self.effect_list():
             if type(effect) is kind:
@@ -289,7 +292,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return max((effect.memory() for effect in self.effect_list()), default=0.0)
 
     def longest_step(self) -> float | None:
-        """Longest step that does not start a new segment [s]; None where none does."""
+        """Longest step inside a segment [s]; None for no limit."""
         return self.layout().longest_step()
 
     def _thermal_part(self) -> list[tuple[str, Effect]]:
@@ -320,7 +323,7 @@ class DiffusiveFeatures(TransformerMixin, EffectsParameters, BaseEstimator):
         return parts
 
     def layout(self) -> Layout:
-        """Layout of X: columns of the temperature, time, run and reference, and the spacing of rows."""
+        """Layout of X: roles of columns, spacing of rows."""
         ambient = self.thermometers().ambient
         return Layout(ambient, self.time, self.run, self.sampling_period, self.max_gap, self.reference)
 
@@ -355,7 +358,7 @@ def _keep_end(ends: list[list[Any]], step: Walked) -> None:
 
 
 def _copy(effect: Effect) -> Effect:
-    """An unlearned copy, so that the user's object stays as it was given."""
+    """An unlearned copy of the user's object."""
     from sklearn.base import clone
 
     copy: Effect = clone(effect)

@@ -1,4 +1,4 @@
-"""Columns to factors to coefficients: the sweep of a record, weights, the ridge."""
+"""Columns to factors to coefficients: sweep, weights, ridge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .reading import flat_effects
 
 
 class MergedRidge(RegressorMixin, BaseEstimator):
-    """Ridge least squares, eqs. (13) (32), that keeps its digits when columns are nearly alike.
+    """Ridge least squares, eqs. (13) (32), for nearly equal columns.
 
     The last step of a `DynamicBiasRegressor`'s pipeline, usable behind any features. The penalty acts on coefficients
     times the standard deviation of their columns: the same as ``make_pipeline(StandardScaler(), Ridge(alpha))``, so
@@ -60,7 +60,7 @@ class MergedRidge(RegressorMixin, BaseEstimator):
         self.alpha = alpha
 
     def fit(self, X: Any, y: Any) -> MergedRidge:
-        """Fit to a matrix of shape (n_rows, n_columns) and readings of shape (n_rows,)."""
+        """Fit to a matrix (n_rows, n_columns) and readings (n_rows,)."""
         self._validate_params()
         X, y = validate_data(self, X, y, y_numeric=True, dtype=np.float64, ensure_min_samples=2)
         factor = TriangularFactor(X.shape[1] + 2)
@@ -92,7 +92,7 @@ class MergedRidge(RegressorMixin, BaseEstimator):
 
 @dataclass
 class Swept:
-    """Triangular factors of a record, in chunks of time, and the states at the end of each segment."""
+    """Triangular factors of a record, and final states."""
 
     chunks: Sequence[TriangularFactor]
     end_states: list[list[Any]]
@@ -104,7 +104,7 @@ class Swept:
     """What the segments say of columns of their own and of those they share; None where nobody made it."""
 
     def without(self, columns: Sequence[int]) -> Swept:
-        """Put zeros in these columns of ``[1 | Q | U]``, so that they get no coefficient."""
+        """Zero these columns, so that they get no coefficient."""
         for factor in self.chunks:
             factor.r[:, list(columns)] = 0.0
         self.bordered = None
@@ -121,7 +121,7 @@ class Swept:
 
 
 def reading_offset(record: Record) -> float:
-    """A reading from the first block that has any, near all the others; 0 where there is none."""
+    """A reading near all the others; 0 for none."""
     assert record.reading is not None
     for start in range(0, record.n_rows, BLOCK_ROWS):
         part = np.asarray(record.reading[start : start + BLOCK_ROWS], float)
@@ -134,7 +134,7 @@ def reading_offset(record: Record) -> float:
 def sweep_effects(
     record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
 ) -> Swept:
-    """Factors of ``[1 | Q | U]`` of a record that is being fitted, one for each stretch between two `edges`.
+    """Factors of ``[1 | Q | U]``, one per stretch between `edges`.
 
     What the decays of `starts` hold is taken out of all columns, segment by segment, and in each stretch apart.
 
@@ -151,7 +151,7 @@ def sweep_effects(
 def _swept(
     record: Record, effects: Sequence[Effect], edges: np.ndarray, starts: InitialTransient | None = None
 ) -> Swept:
-    """Sweep rows ``[own | 1 | Q | U]`` into a triangle for each stretch of each segment, the readings less an offset.
+    """Sweep rows into a triangle per stretch and segment.
 
     `own` are the decays of the row's segment: those of `starts`, or else of the model's start-up decays. They stand
     first, the fastest before all others, since leading columns of zeros cost nothing. Rows without a reading are left
@@ -193,7 +193,7 @@ def _swept(
 
 
 class SegmentFactors(Sequence[TriangularFactor]):
-    """Factors of ``[1 | Q | U]``, one for each stretch, made from those of its segments when they are asked for.
+    """Factors of ``[1 | Q | U]`` per stretch, made on demand.
 
     `width` (int): Columns of ``[1 | Q | U]``. `n_stretches` (int). `shared` (sequence of int): Numbers of the columns
     that all segments share: the 1 first, the reading last. `front` (int): Columns of a segment's own. `hidden` (bool):
@@ -207,12 +207,12 @@ class SegmentFactors(Sequence[TriangularFactor]):
         self._made: list[TriangularFactor] | None = None
 
     def take(self, stretch: int, segment: int, own: Sequence[int], rows: np.ndarray) -> None:
-        """Sweep in rows ``[own | 1 | Q | U]`` of a segment, whose own columns, the last ones of `front`, are `own`."""
+        """Sweep in a segment's rows ``[own | 1 | Q | U]``."""
         self._own[segment] = list(own)
         self._parts[stretch].setdefault(segment, TriangularFactor(rows.shape[1])).update(rows)
 
     def _triangle(self, factor: TriangularFactor, segment: int) -> np.ndarray:
-        """R of a segment's factor over its own columns, where they have numbers, and ``[1 | Q | U]``."""
+        """R of a segment over its own columns and the shared."""
         first = self._front - len(self._own[segment])
         return factor.behind(first).r if self._hidden else factor.r[first:, first:]
 
@@ -239,7 +239,7 @@ class SegmentFactors(Sequence[TriangularFactor]):
         return TriangularFactor.standing_for(stacked, sum(factor.n_rows for factor in parts.values()))
 
     def bordered(self) -> BorderedFactor | None:
-        """Factor with one block of own columns for each segment, and the shared ones; None where all are few."""
+        """Factor with own columns per segment; None for few."""
         if self.width <= WIDE or self._hidden or not self._front:
             return None
         of_segments: dict[int, list[TriangularFactor]] = {}
@@ -266,7 +266,7 @@ def require_rows(n_readings: int, n_columns: int, what: str = "model") -> None:
 def standard_errors(
     swept: Swept, solution: RidgeSolution, alpha: float, combinations: np.ndarray | None = None
 ) -> np.ndarray:
-    """Standard errors of (U0, coefficients), true for residuals that stay correlated for less than a chunk.
+    """Standard errors of (U0, coefficients), for correlated residuals.
 
     Delete-a-block jackknife over the chunks of time (Kuensch 1989, Annals of Statistics 17, 1217), never below the
     white-noise formula. Shape (1 + p,).
@@ -293,7 +293,7 @@ def standard_errors(
 
 
 def _each_left_out(chunks: Sequence[TriangularFactor], others: TriangularFactor) -> Iterator[TriangularFactor]:
-    """Factors of `others` and all chunks but one, for each in turn: halves are merged once for all that lack them."""
+    """Factors of all chunks but one, for each."""
     if len(chunks) == 1:
         yield others
         return
@@ -303,7 +303,7 @@ def _each_left_out(chunks: Sequence[TriangularFactor], others: TriangularFactor)
 
 
 def white_errors(solution: RidgeSolution, combinations: np.ndarray) -> np.ndarray:
-    """Standard errors of linear combinations of (U0, coefficients), were the residuals white; shape (k,)."""
+    """Standard errors under white residuals, shape (k,)."""
     n = solution.n_rows
     variance = solution.residual_sum_of_squares / max(n - solution.rank - 1, 1)
     without_means = combinations[:, 1:] - combinations[:, :1] * solution.mean  # U0 = mean of U - means of Q @ coef

@@ -1,4 +1,4 @@
-"""Folds in time, and the columns that are swept in them."""
+"""Folds in time, and the columns swept in them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_SEGMENTS = 8
 
 @dataclass(frozen=True)
 class LagColumns:
-    """Learned lags and decays for a list of time constants, and where their columns stand."""
+    """Lags and decays for a list of time constants."""
 
     lag: ThermalLag
     further: list[ColumnLags]
@@ -46,7 +46,7 @@ class LagColumns:
 
     @classmethod
     def of(cls, features: DiffusiveFeatures, record: Record, time_constants: np.ndarray) -> LagColumns:
-        """Lags, and decays up to `DECAY_SHARE` of the record, behind the columns of the learned `features`.
+        """Lags and decays behind the columns of `features`.
 
         Each thermometer has lags of all the time constants.
         """
@@ -77,7 +77,7 @@ class LagColumns:
         return cls(lag=lag, further=further, transient=transient, starts=starts, layout=layout, decays=decays)
 
     def dead(self, record: Record, folds: TimeFolds) -> list[list[int]]:
-        """Decays too slow for what each fold learns from: columns that it must not use."""
+        """Decays too slow for what each fold learns from."""
         if not self.decays:
             return [[] for _ in range(len(folds))]
         result = []
@@ -92,7 +92,7 @@ class LagColumns:
         return self.starts if self.starts.decays_ else None
 
     def swept(self, record: Record, effects: Sequence[Effect], edges: np.ndarray) -> Swept:
-        """Factors of ``[1 | Q | U]`` for the stretches between `edges`, less what starts of many segments hold."""
+        """Factors of ``[1 | Q | U]`` for the stretches between `edges`."""
         return sweep_effects(record, effects, edges, self.taken_out)
 
 
@@ -109,7 +109,7 @@ class Sides(NamedTuple):
 
 @dataclass(frozen=True)
 class TimeFolds:
-    """A record cut into stretches, and the stretches that each fold learns from and tests on."""
+    """Stretches of a record, and those of each fold."""
 
     edges: np.ndarray
     """Positions in time order that cut the record, ends included."""
@@ -121,7 +121,7 @@ class TimeFolds:
         return len(self.learned)
 
     def sides(self, chunks: Sequence[TriangularFactor], n_free: int) -> list[Sides]:
-        """Factors of what each fold learns from and tests on; folds without readings on a side are left out.
+        """Factors that each fold learns from and tests on.
 
         What one fold learns from and the next one too, as in forward chaining, is merged once.
         """
@@ -141,7 +141,7 @@ class TimeFolds:
         return found
 
     def learned_duration(self, fold: int, record: Record, segment: Segment) -> float:
-        """First to last learned row of a segment [s], 0 where there is none."""
+        """First to last learned row of a segment [s]."""
         inside = [
             (max(int(self.edges[i]), segment.start), min(int(self.edges[i + 1]), segment.stop))
             for i in self.learned[fold]
@@ -214,7 +214,7 @@ def _of_splitter(record: Record, cv: Any) -> list[tuple[Ranges, Ranges]]:
 
 
 def _run_labels(record: Record) -> np.ndarray | None:
-    """Number of the run of each of the user's rows, -1 outside any; None for a record without runs."""
+    """Run of each row, -1 outside; None without runs."""
     names = list(dict.fromkeys(segment.run for segment in record.segments))
     if names == [None]:
         return None
@@ -314,7 +314,7 @@ class CrossValidation:
         return self._prepared[alpha]
 
     def greedy(self, candidates: Sequence[int], max_count: int, alpha: float) -> list[Set]:
-        """Best set found of each size: forward steps, each followed by exchanges."""
+        """Best set of each size, by forward steps and exchanges."""
 
         def best(sets: set[Set]) -> tuple[Set, float]:
             ordered = sorted(sets)
@@ -327,7 +327,7 @@ class CrossValidation:
         return path
 
     def exhaustive(self, candidates: Sequence[int], max_count: int, alpha: float) -> list[Set]:
-        """Best set of each size among all sets; the errors of the `KEPT` best of each are kept."""
+        """Best set of each size among all sets."""
         members = np.array(candidates)
         path: list[Set] = []
         for size in range(1, min(max_count, len(members)) + 1):
@@ -345,7 +345,7 @@ def count_sets(n_candidates: int, max_count: int) -> int:
 
 
 def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
-    """True if losses are above the best ones by no more than one standard error of the difference, or negligibly.
+    """True within one standard error of the least loss.
 
     The difference is taken fold by fold (Breiman et al. 1984, section 3.4.3, on paired folds): what all folds share
     says nothing about it.
@@ -356,6 +356,6 @@ def no_worse(losses: np.ndarray, best: np.ndarray) -> bool:
 
 
 def fewest(losses: Sequence[np.ndarray]) -> int:
-    """Index of the smallest set, of the best of each size, that is no worse than the one with the least loss."""
+    """Index of the smallest set that is no worse."""
     best = int(np.argmin([float(loss.mean()) for loss in losses]))
     return next(i for i, loss in enumerate(losses) if i == best or no_worse(loss, losses[best]))

@@ -1,4 +1,4 @@
-"""Readings that are left out or count less, and how evenly noise is spread."""
+"""Evenness of noise, and the readings that a model learns from."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LARGEST = 4.0
 
 
 def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """Usual size of the noise over its size near each row; ones unless it clearly changes in the course of the record.
+    """Usual noise over the noise near each row.
 
     The size is that of the steps between neighbouring rows, of which the largest count less: a quantised reading moves
     in few of them, and a spike is no noise. A burst, in which many steps are large, counts in full.
@@ -59,7 +59,7 @@ def _nearby(values: np.ndarray, rows: int = NEARBY) -> np.ndarray:
 
 
 def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
-    """The readings as a model with these settings would learn them from the whole record.
+    """The readings as a model would learn them.
 
     `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are believed. `X`, `y` (as for
     `DynamicBiasRegressor.fit`). Returns array of shape (n_rows,): NaN where there is none, or a refused one.

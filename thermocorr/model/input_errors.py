@@ -1,4 +1,4 @@
-"""Propagation of input errors to the bias: gaps, the time between rows.
+"""Propagation of input errors to the bias.
 
 Across a gap the temperature is taken as a straight line. What it did beside that line is still in the lags when the
 record goes on, and is forgotten with their time constants: the error of lag j fades as exp(-t/tau_j), eq. (17) with no
@@ -50,7 +50,7 @@ class InputLaw:
 def laws_of_inputs(
     effects: Sequence[Effect], coef: np.ndarray, temperature: Any, columns: Iterable[Any], deviation: float
 ) -> list[InputLaw]:
-    """Dependence of the bias on the lags of each of some columns, without columns that act at once.
+    """Dependence of the bias on each column's lags.
 
     `effects` (sequence of Effect): Learned. `coef` (array of shape (n_columns,)). `temperature` (column): The ambient
     temperature. `columns` (iterable of columns). `deviation` (float): Standard deviation of the residuals.
@@ -83,7 +83,7 @@ class GapError:
         self._bridges: dict[tuple[int, float], np.ndarray] = {}
 
     def of_rows(self, steps: np.ndarray, felt: Felt = ()) -> tuple[np.ndarray, Felt]:
-        """Variance of the bias in consecutive rows by the gaps between them, and before.
+        """Variance of the bias by gaps, row by row.
 
         `steps` (array of shape (n,)): Time since the row before [s]. `felt` (Felt): After the row before; () for
         nothing. Returns variance (array of shape (n,)). Returns felt (Felt): after the last row.
@@ -116,7 +116,7 @@ class GapError:
         return np.asarray(C * np.outer(left, left))
 
     def of_block(self, block: Block, felt: dict[int, Felt]) -> np.ndarray:
-        """`of_rows` of a block; `felt`, by the number of the segment, goes on."""
+        """`of_rows` of a block; `felt` continues per segment."""
         steps = block.steps
         if block.begins:
             steps = np.concatenate(([0.0], steps[1:]))
@@ -124,7 +124,7 @@ class GapError:
         return variance
 
     def of_record(self, record: Record, starts: Mapping[int, SegmentStart]) -> np.ndarray | None:
-        """`of_rows` of all rows of a record, shape (n_rows,); None where nothing is felt."""
+        """`of_rows` of a record; None where nothing is felt."""
         if not self.laws or not (longest_gap(record, self.least) or _tied_late(starts, self.least)):
             return None
         result, felt = np.zeros(record.n_rows), dict[int, Felt]()
@@ -142,7 +142,7 @@ class GapError:
 
 
 def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviation of the bias by what happened in the gaps of a record that a model is fitted to.
+    """Standard deviation of the bias behind a record's gaps.
 
     `record` (Record). `laws` (iterable of InputLaw): Of the columns that the device feels late; looked at where there
     are gaps. `limit` (float): What need not be told, in the unit of the reading. Returns rows (array of shape (n,)):
@@ -163,7 +163,7 @@ def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0
 
 
 def readings_left_out(record: Record, believed: Record) -> list[str]:
-    """A sentence on readings that gaps have spoilt; none where there are none."""
+    """Sentence on readings that gaps have spoilt."""
     if believed is record:
         return []
     assert record.reading is not None and believed.reading is not None
@@ -178,5 +178,5 @@ def readings_left_out(record: Record, believed: Record) -> list[str]:
 
 
 def _tied_late(starts: Mapping[int, SegmentStart], least: float) -> bool:
-    """True if a segment follows on the fitted record after a gap."""
+    """True if a segment continues the fitted record behind a gap."""
     return any(start.step is not None and start.step > least for start in starts.values())

@@ -1,4 +1,4 @@
-"""Errors on data that were not learned from, of a model and of the same model with more columns.
+"""Errors on data that a model has not seen.
 
 The record is cut into pieces of equal numbers of rows. Later stretches are predicted from all that came before them,
 and blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross
@@ -68,7 +68,7 @@ def later_pieces(moment: float | None) -> list[tuple[range, range]]:
 
 
 class Falls(NamedTuple):
-    """Fall of the squared error [dB], positive is good; means of the logarithm: one bad stretch counts once."""
+    """Fall of the squared error, a mean of logarithms [dB]."""
 
     each: tuple[float, ...]
     """On each later stretch."""
@@ -79,13 +79,13 @@ class Falls(NamedTuple):
 
     @classmethod
     def of(cls, later: np.ndarray, blocks: np.ndarray) -> Falls:
-        """From ratios of squared errors, without an effect over with it, on each stretch and on each block."""
+        """From ratios of squared errors, per stretch and block."""
         falls = 10 * np.log10(later)
         mean = float(falls.mean()) if len(falls) else np.nan
         return cls(each=tuple(falls.tolist()), later=mean, blocks=float(10 * np.log10(blocks).mean()))
 
     def adds(self, twice: bool) -> bool:
-        """True if the error falls by `GAIN` on later stretches, in most of them, and does not rise on held-out blocks.
+        """True if later stretches gain `GAIN`, and blocks lose nothing.
 
         What is asked `twice` must fall there by as much.
         """
@@ -94,7 +94,7 @@ class Falls(NamedTuple):
 
 
 class Worth(NamedTuple):
-    """Fall of the squared error of averages on data that was not learned from."""
+    """Fall of the squared error of averages on unseen data."""
 
     short: Falls
     """Of averages of neighbouring readings."""
@@ -103,12 +103,12 @@ class Worth(NamedTuple):
 
     @property
     def rank(self) -> float:
-        """Sort key: the fall of the error on later stretches, or on blocks where none are later."""
+        """Sort key: the fall on later stretches, or blocks."""
         return self.short.blocks if np.isnan(self.short.later) else self.short.later
 
     @property
     def both(self) -> float:
-        """The lesser of the falls on later stretches and on held-out blocks, of short averages."""
+        """The lesser of the falls on stretches and blocks."""
         return min(self.short.later, self.short.blocks)
 
     @property
@@ -117,7 +117,7 @@ class Worth(NamedTuple):
         return max(self, key=lambda falls: np.nan_to_num(min(falls.later, falls.blocks), nan=-np.inf))
 
     def adds(self, evenly: bool = False, twice: bool = False) -> bool:
-        """True if it is worth adding: averages of either length are predicted better.
+        """True if averages of either length are predicted better.
 
         What must help `evenly` may cost short averages on no stretch more than half of what it gains in all. What is
         asked `twice`, as it has a date, memory or a period, must gain on held-out blocks as well.
@@ -146,7 +146,7 @@ class OutOfSample:
 
     @cached_property
     def means(self) -> Products:
-        """Cross products of the means of the pieces, as often as these have rows."""
+        """Cross products of the pieces' means."""
         return self.products.of_means(self.products.base[:, 0], self.products.reading[:, 0], self.sizes)
 
     def _in_pieces(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -165,7 +165,7 @@ class OutOfSample:
         return self._folds[key]
 
     def worth(self, explanations: Sequence[np.ndarray], moment: float | None = None) -> list[Worth]:
-        """Out-of-sample gain of each explanation, shape (n, k); `moment` is the share of rows before it begins."""
+        """Out-of-sample gain of each explanation behind its `moment`."""
         found: list[Worth | None] = [None] * len(explanations)
         later = [self.fold(*pieces) for pieces in later_pieces(moment)]
         blocks = [self.fold(*pieces) for pieces in BLOCKS]
@@ -191,7 +191,7 @@ class OutOfSample:
         return [each for each in found if each is not None]
 
     def most_helpful(self, columns: np.ndarray) -> int:
-        """Index of the column, of shape (n, k), that alone lowers the error on later stretches most."""
+        """Index of the column that lowers the later error most."""
         products = Products(
             base=self._in_pieces(self.base, columns),
             reading=self._in_pieces(columns, self.reading[:, None])[..., 0],
@@ -201,18 +201,18 @@ class OutOfSample:
         return int(np.argmin(np.sum(np.log(after), axis=0)))
 
     def errors(self, moment: float | None = None) -> np.ndarray:
-        """Mean square error of averages on each later stretch, behind a moment: short, long, shape (stretches, 2)."""
+        """Mean square errors of averages per later stretch, (stretches, 2)."""
         return self._errors(later_pieces(moment))
 
     def _errors(self, folds: Sequence[tuple[Sequence[int], range]]) -> np.ndarray:
         return np.array([np.array(self.fold(*f).errors) / self.sizes[list(f[1])].sum() for f in folds]).reshape(-1, 2)
 
     def reading_errors(self, moment: float | None = None) -> np.ndarray:
-        """Mean square error of readings on each later stretch, behind a moment, shape (stretches,)."""
+        """Mean square error of readings per later stretch, (stretches,)."""
         return self.errors(moment)[:, 0] + self.unseen
 
     def forecast_errors(self, moment: float | None = None) -> dict[str, float]:
-        """Mean square error of readings of each of `FORECASTS`; NaN where it is not far enough behind a moment."""
+        """Mean square error of each of `FORECASTS`, or NaN."""
         begins = LEAST_BEHIND + (moment or 0.0) * PIECES
         return {
             name: float(self._errors([pieces])[0, 0] + self.unseen) if len(pieces[0]) >= begins else np.nan
@@ -220,16 +220,16 @@ class OutOfSample:
         }
 
     def later_rms(self, moment: float | None = None) -> float:
-        """Rms error of a reading on a later stretch, behind a moment: geometric mean of all; NaN for none."""
+        """Rms error on later stretches, geometric mean; NaN for none."""
         return float(np.sqrt(geometric_mean(self.reading_errors(moment))))
 
     @property
     def held_out_rms(self) -> float:
-        """Rms error of a reading on a block that is held out, the geometric mean of all."""
+        """Rms error on held-out blocks, geometric mean."""
         return float(np.sqrt(geometric_mean(self._errors(BLOCKS)[:, 0] + self.unseen)))
 
     def against(self, other: OutOfSample, moment: float | None = None) -> Worth:
-        """Out-of-sample gain of another model of the same record over this one, after a moment."""
+        """Out-of-sample gain of another model over this one."""
         later, blocks = (self._errors(folds) / other._errors(folds) for folds in (later_pieces(moment), BLOCKS))
         return Worth(*(Falls.of(later[:, scale], blocks[:, scale]) for scale in (0, 1)))
 
@@ -270,7 +270,7 @@ class Products(NamedTuple):
 
 
 class Fold:
-    """A ridge of the readings on the base, learned from some pieces and tested on others, by cross products alone.
+    """A ridge on some pieces, tested on others by cross products.
 
     Columns are scaled to unit variance where they are learned, and lose their means there. `means` (Products): Of the
     means of the pieces, on which it is tested as well.
@@ -299,7 +299,7 @@ class Fold:
         return short.error, long.error
 
     def _coefficients(self, moments: np.ndarray) -> np.ndarray:
-        """Coefficients of the base for columns with these learned moments, shape (p, columns)."""
+        """Coefficients for columns with these moments, (p, columns)."""
         centred = moments[1:] - np.outer(self.constant[1:], moments[0])
         inner = self.scale[:, None] * centred
         if len(inner):  # old releases of SciPy refuse what is empty
@@ -307,7 +307,7 @@ class Fold:
         return np.vstack(((moments[0] - self.A[0, 1:] @ inner) / self.A[0, 0], inner))
 
     def errors_with(self, products: Products, *means: Products) -> np.ndarray:
-        """Squared errors with each explanation given the base, of short and of long averages, (2, explanations)."""
+        """Squared errors with each explanation, (2, explanations)."""
         base, reading, squares = products.over(self.learn)
         count, width = squares.shape[:2]
         made = self._coefficients(base)  # of the explanation by the base
@@ -331,7 +331,7 @@ class Fold:
 
 
 class _Tested(NamedTuple):
-    """Products of a base with itself and with what it misses of tested readings, and its squared error."""
+    """Cross products of a base with tested readings."""
 
     base: np.ndarray
     missed: np.ndarray
@@ -339,7 +339,7 @@ class _Tested(NamedTuple):
 
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
-    """One over the standard deviation of columns; 0 for those that hardly vary where they are learned."""
+    """One over the standard deviation of columns, or 0."""
     # Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of
     # sums with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive
     # definite.
@@ -348,13 +348,13 @@ def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
 
 
 def _each(one: np.ndarray, other: np.ndarray, count: int) -> np.ndarray:
-    """Products of the columns of each explanation, of which there are `count` side by side."""
+    """Products of each explanation's columns."""
     one, other = (part.reshape(len(part), count, -1).transpose(1, 0, 2) for part in (one, other))
     return np.asarray(one.swapaxes(1, 2) @ other)
 
 
 def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
-    """Contiguous blocks of nearly equal numbers of rows, in the order of the rows.
+    """Contiguous blocks of nearly equal numbers of rows.
 
     Where readings, shape (n_rows,), hold less than half of the rows, the blocks are those of that part.
     """
@@ -367,7 +367,7 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
 
 @said_once()
 def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progress: Progress = None) -> np.ndarray:
-    """Residuals of each block of time under a model that was fitted, time constants and all, without its readings.
+    """Residuals of each block, predicted by a fit without it.
 
     The lags run through the whole record (temperature is known everywhere), so no block starts with unknown states.
     Rows that the model flags (no reading, a refused one, washout of an unknown start) are NaN.
@@ -430,7 +430,7 @@ def residuals_of_blocks(
 
 
 def _unknown_start(fitted: Any, block: slice, n_rows: int) -> np.ndarray:
-    """Rows of a left-out block that still feel a start-up whose decay columns had no readings to learn from."""
+    """Rows of a held-out block that feel an unlearned start."""
     record = fitted.features_.history_.record
     washed = np.zeros(block.stop - block.start, bool)
     elapsed_rows = int(np.ceil(fitted.washout_ / max(fitted.features_.history_.usual_step, 1e-12)))

@@ -1,4 +1,4 @@
-"""Methods of a fitted regressor, its bias under doubtful inputs, and the temperatures inside the device."""
+"""What a fitted regressor gives: contributions, flags, inner temperatures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Same:
 
 
 class Inner(NamedTuple):
-    """Temperatures inside of the device in the rows of a block, one column for each time constant."""
+    """Temperatures inside the device, one column per time constant."""
 
     block: Block
     temperature: np.ndarray
@@ -57,7 +57,7 @@ class Inner(NamedTuple):
 
 
 def inner_blocks(model: Any, steps: Iterator[Walked]) -> Iterator[Inner]:
-    """Inner temperatures of a fitted model along a walk through a record.
+    """Inner temperatures along a walk through a record.
 
     The start of a part follows from its two coefficients, psi_0j = nu_j / mu_j: where mu_j is small against its
     standard error, it is as uncertain as their ratio.
@@ -97,7 +97,7 @@ class FittedModel:
     _swept: Any
 
     def coef_table(self) -> pd.DataFrame:
-        """Coefficient, unit and standard error of every column; "mV/unit": per unit of a column whose own nobody knows.
+        """Coefficient, unit and standard error of every column.
 
         Standard errors stay true for residuals that are correlated in time (delete-a-block jackknife), as long as
         they forget within a twentieth of the record.
@@ -106,7 +106,7 @@ class FittedModel:
         return coefficient_table(self.features_.effect_list(), self._all_coefficients(), errors, self.reading_)
 
     def _standard_errors(self, combinations: np.ndarray | None = None) -> np.ndarray:
-        """Standard errors of U0 and of every coefficient, shape (1 + n_columns,); see `coef_table`.
+        """Standard errors of U0 and coefficients, (1 + n_columns,).
 
         With `combinations` of shape (k, n_columns) those of linear combinations of `coef_`, shape (k,). Raises
         ValueError for one read from a file, which does not hold the factors of its record.
@@ -150,12 +150,12 @@ class FittedModel:
 
     @property
     def residual_std_(self) -> float:
-        """Standard deviation of the residuals of the fitted record, in the unit of y."""
+        """Standard deviation of the fitted residuals [unit of y]."""
         return float(self.pipeline_[1].residual_std_)
 
     @property
     def degree_(self) -> int:
-        """Highest power of T - T0 in the static law: at most `degree`, and no more than the temperatures determine."""
+        """Highest power of T - T0 that the temperatures determine."""
         return next((e.degree for e in self.features_.effect_list() if isinstance(e, StaticPolynomial)), 0)
 
     @property
@@ -171,7 +171,7 @@ class FittedModel:
         return {ambient: self.time_constants_, **features.thermometers().times_in(features.effects_)}
 
     def _fixed_time_constants(self) -> Any:
-        """The time constants in the form of the parameter `time_constants`: a list, or one for each thermometer."""
+        """The time constants as the parameter `time_constants`."""
         found = {name: times.tolist() for name, times in self.thermometers_.items()}
         return found if len(found) > 1 else self.time_constants_.tolist()
 
@@ -181,13 +181,16 @@ class FittedModel:
         return self.features_.reference_temperature_
 
     def contributions(self, X: Any) -> pd.DataFrame:
-        """Contribution of each effect to the bias, in the unit of y: one column per effect."""
+        """Contribution of each effect to the bias [unit of y].
+
+        One column per effect, in the order of the effects.
+        """
         parts = self._contributions(X)
         labels = distinct([effect.label() for effect in self.features_.effect_list()])
         return pd.DataFrame(parts, columns=labels, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def inner_temperatures(self, X: Any) -> pd.DataFrame:
-        """Temperatures inside of the device: what each part of it feels that follows the ambient one late.
+        """Temperatures inside the device, that follow the ambient one.
 
         Parameters
         ----------
@@ -245,7 +248,7 @@ class FittedModel:
         return like(X, flags.column() if isinstance(X, pd.DataFrame) else flags.texts(), "flag")
 
     def _reading_numbers(self, X: Any, y: Any) -> NDArray[Any]:
-        """Readings as numbers, row by row as X; RecordError where their name says another unit than the fit's."""
+        """Readings as numbers; RecordError for another named unit."""
         UnitGuard.of(self).check_readings(y, X)
         return numeric_reading(y, X)
 
@@ -253,7 +256,7 @@ class FittedModel:
         return np.concatenate(([self.intercept_], self.coef_))
 
     def _contribution_blocks(self, X: Any) -> Iterator[tuple[Block, np.ndarray]]:
-        """Contribution of each effect, shape (n, n_effects), block by block. X may be a `Record` read before."""
+        """Contributions block by block, (n, n_effects)."""
         yield from self._weighed_blocks(X, *self._resumed(X))
 
     def _weighed_blocks(self, X: Any, record: Record, starts: Any, states: Any) -> Iterator[tuple[Block, np.ndarray]]:
@@ -261,7 +264,7 @@ class FittedModel:
         return self._weighed(self.features_.walk_resumed(record, starts, states))
 
     def _residual_blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray]]:
-        """Measured minus modelled reading of a record read with its readings, NaN as in `correct`, block by block."""
+        """Residuals of a record, block by block."""
         assert record.reading is not None
         for block, parts in self._contribution_blocks(record):
             measured = self._screened(block, np.asarray(record.reading[block.rows], float))
@@ -285,17 +288,17 @@ class FittedModel:
         return parts, believed
 
     def _removed_part(self, contributions: np.ndarray) -> np.ndarray:
-        """The bias that `correct` removes, shape (n,), from the contributions of all effects, shape (n, n_effects)."""
+        """The bias that `correct` removes, shape (n,)."""
         removed = [effect.removed_by_correct for effect in self.features_.effect_list()]
         return np.asarray(contributions[:, removed].sum(axis=1) + self._removed_level)
 
     @property
     def _removed_level(self) -> float:
-        """Part of U0 that is bias: all of it where readings have a reference, else nothing."""
+        """Part of U0 that is bias: all or nothing."""
         return 0.0 if self.features_.reference is None else self.intercept_
 
     def _level(self, X: Any) -> Any:
-        """U0 in each row; with a reference the reading that a device without effects would have shown, shape (n_rows,).
+        """U0 in each row, shape (n_rows,).
 
         NaN where X has no reference.
         """
@@ -308,7 +311,7 @@ class FittedModel:
         return np.asarray(numeric_column(X, name, "reference")[:], float) + self.intercept_
 
     def _weighed(self, steps: Iterator[Walked]) -> Iterator[tuple[Block, np.ndarray]]:
-        """Each block of a walk, and the contributions of all effects in its rows, shape (n, n_effects)."""
+        """Blocks of a walk with all contributions, (n, n_effects)."""
         effects, coef = self.features_.effect_list(), self.coef_
         edges = np.cumsum([0, *(effect.n_columns() for effect in effects)])
         for step in steps:
@@ -324,7 +327,7 @@ class FittedModel:
         return GapError([*self._laws_of_inputs(gaps.squares)], gaps)
 
     def _resumed(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """A new record tied to the fitted one, with what doubtful inputs may move its bias by."""
+        """A new record tied to the fitted one, doubts included."""
         record, starts, states = self.features_.resume(X, y)
         if record.twins and record.doubt is None:
             record = replace(record, doubt=self._doubt_of(record, starts, states))
@@ -333,7 +336,7 @@ class FittedModel:
     def _doubt_of(
         self, record: Record, starts: dict[int, SegmentStart], states: dict[int, list[Any]]
     ) -> NDArray[np.float64]:
-        """Change of the bias with the twins in place of their columns, in each row, shape (n_rows,).
+        """Change of the bias by doubted inputs, (n_rows,).
 
         0 where all that was doubted is believed (`thermocorr.records.gate.Doubt`).
         """
@@ -357,14 +360,14 @@ class FittedModel:
         return doubt
 
     def _resumed_with_gaps(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:
-        """`_resumed`, with what its inputs may have moved the bias by in gaps."""
+        """`_resumed`, with the errors of gaps."""
         record, starts, states = self._resumed(X, y)
         if record.gap_variance is None:
             record = replace(record, gap_variance=self._gap_error().of_record(record, starts))
         return record, starts, states
 
     def _without_spoilt(self, record: Record) -> Record:
-        """The record without the readings where gaps may move the bias by much.
+        """The record without readings that gaps have spoilt.
 
         By a share of the residuals' deviation: in their own rows, and for a while after these.
         """
@@ -378,7 +381,7 @@ class FittedModel:
         return replace(record, reading=left_out(record.reading, rows))
 
     def _mark_doubted(self, flags: Flags, block: Block) -> None:
-        """Flag a block's rows where what is not known of the inputs matters."""
+        """Flag rows in which doubted inputs matter."""
         record = block.record
         if record.held is not None:
             flags[record.held[block.rows]] = JUMP
@@ -389,7 +392,7 @@ class FittedModel:
             self._mark_behind_gaps(flags, record.gap_variance[block.rows])
 
     def _mark_behind_gaps(self, flags: Flags, variance: np.ndarray) -> None:
-        """Flag rows in which gaps may move the bias by more than the residuals' deviation."""
+        """Flag rows whose bias is uncertain behind a gap."""
         flags[flags.are("", "outside fitted range") & (variance > self.residual_std_**2)] = "behind gap"
 
     def _laws_of_inputs(self, columns: Iterable[Any]) -> Iterator[InputLaw]:
@@ -399,13 +402,13 @@ class FittedModel:
         yield from laws_of_inputs(features.effect_list(), self.coef_, temperature, columns, self.residual_std_)
 
     def _learned_ranges(self) -> np.ndarray:
-        """Range of each effect's share of the bias, see `learned_ranges`: of the fitted model, and found once."""
+        """`learned_ranges` of this model, found once."""
         if "_known_ranges" not in self.__dict__:
             self._known_ranges = learned_ranges(self)
         return self._known_ranges
 
     def _block_flags(self, block: Block, reading: np.ndarray | None, parts: np.ndarray) -> Flags:
-        """Flags of a block's rows, see `flags`; `parts` are the contributions of all effects, shape (n, n_effects)."""
+        """Flags of a block's rows, from the contributions."""
         T = block.temperature
         flags = Flags(len(block))
         low, high = self._learned_ranges().T
@@ -422,11 +425,11 @@ class FittedModel:
         return flags
 
     def _in_washout(self, block: Block) -> NDArray[np.bool_]:
-        """Rows of a block soon after a start of which nothing is known."""
+        """Rows of a block that feel an unknown start."""
         return (block.elapsed < self.washout_) & (block.segment_key is None)
 
     def _screened(self, block: Block, reading: np.ndarray) -> np.ndarray:
-        """Readings of a block's rows without those that the screen refuses, shape (n,)."""
+        """Readings of a block that pass the screen, (n,)."""
         refused = self._refused(block, reading)
         if refused:
             reading = reading.copy()
@@ -443,7 +446,7 @@ class FittedModel:
 
 
 def _weighted(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """``columns @ weights`` by elements: a matrix product rounds a row differently in another block."""
+    """``columns @ weights``, equal in every block."""
     total = np.zeros(len(columns))
     for column, weight in zip(columns.T, weights, strict=True):
         if column[0] or column[-1] or column.any():  # decays that are over are zero

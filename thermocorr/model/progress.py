@@ -1,4 +1,4 @@
-"""Progress of long work, and the threads that it may take."""
+"""Progress of long work, and its threads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _controller: ThreadpoolController | None = None
 
 
 def one_blas_thread() -> Any:
-    """Context in which BLAS uses one thread, whatever the user's environment says."""
+    """Context in which BLAS uses one thread."""
     global _controller
     if _controller is None:
         _controller = ThreadpoolController()
@@ -33,7 +33,7 @@ def has_bars() -> bool:
 
 @contextmanager
 def reporting(progress: Progress, total: int | None = None) -> Iterator[Callable[[str], None]]:
-    """A function that takes a line of text before each piece of work, and passes on what is done.
+    """A function that reports each piece of work.
 
     `progress` (callable, bool or None). `total` (int, optional): Pieces of work; without it a bar shows the time that
     has passed alone. Raises ValueError for something else. Raises ImportError for a bar without the package that
@@ -54,7 +54,7 @@ def reporting(progress: Progress, total: int | None = None) -> Iterator[Callable
 
 @contextmanager
 def _bar(total: int | None) -> Iterator[Callable[[str], None]]:
-    """A bar in a terminal or a notebook, nothing where standard error is neither; gone when the work has ended."""
+    """A progress bar, where somebody sees it."""
     try:
         from tqdm.auto import tqdm
     except ImportError:

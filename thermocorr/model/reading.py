@@ -1,4 +1,4 @@
-"""Coverage of the inputs: recorded columns that never change, and temperatures at which a record has not been.
+"""Readings that a model is fitted to; coverage of its inputs.
 
 A row can lie between the lowest and the highest temperature and still be far from any of them, as between two plateaus:
 a hidden extrapolation. Its leverage in the static law is larger there than that of any row of the record (Montgomery,
@@ -41,7 +41,7 @@ With half or twice of it nothing changes: between rounding and the finest thermo
 
 
 def resolved(low: float, high: float) -> float:
-    """To how much numbers between two limits can be resolved, in their unit."""
+    """Resolution of numbers between two limits."""
     # Smaller numbers count as this large: a constant less its mean is rounding about zero. Not larger, for a
     # temperature may come in volts of a thermocouple or amperes of a sensor.
     return RESOLVED_SHARE * max(abs(low), abs(high), 1e-3)
@@ -63,7 +63,7 @@ def flat_text(low: float, high: float, n_rows: int) -> str:
 
 
 def flat_effects(record: Record, effects: Sequence[Effect]) -> list[Any]:
-    """Effects, of some learned ones, whose recorded column never changes beyond its rounding.
+    """Effects whose recorded column never changes.
 
     They get no coefficient (`thermocorr.model.fitting.sweep_effects`). A user's own effects may make anything of a
     column and are not among them.
@@ -78,7 +78,7 @@ def flat_effects(record: Record, effects: Sequence[Effect]) -> list[Any]:
 
 
 def flat_columns(record: Record, effects: Sequence[Effect]) -> list[str]:
-    """A sentence on each recorded column that never changes beyond its rounding, although effects wait for it."""
+    """Sentence on each column that never changes."""
     said = {}
     for column in dict.fromkeys(effect.column for effect in flat_effects(record, effects)):
         values = record.moments(column)
@@ -97,7 +97,7 @@ there, it is more than three times as uncertain as wherever the record has been.
 
 
 class Coverage(NamedTuple):
-    """Range of the temperatures, its gaps, and the degree of the static law that they determine."""
+    """Range of the temperatures, gaps, and the degree they determine."""
 
     degree: int
     """The highest power of the static law that they do, at most the one that is wanted."""
@@ -128,7 +128,7 @@ class Coverage(NamedTuple):
 
 
 def _leverage(counts: np.ndarray, degree: int) -> np.ndarray:
-    """Leverage of each bin's middle in a law of that degree, over the largest of those that hold rows, shape (BINS,).
+    """Relative leverage of each bin's middle, (BINS,).
 
     Infinite where the bins that hold rows do not determine the law.
     """
@@ -144,7 +144,7 @@ def _leverage(counts: np.ndarray, degree: int) -> np.ndarray:
 
 
 def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
-    """scikit-learn's checks of X for frames (names and number) and arrays (shape, dtype, infinities).
+    """scikit-learn's checks of X, for frames and arrays.
 
     The reference of the readings is no feature: rows that are corrected need none.
     """
@@ -175,7 +175,7 @@ def check_columns(estimator: Any, X: Any, reset: bool) -> Any:
 
 
 def _check_names(estimator: Any, X: pd.DataFrame, reset: bool) -> None:
-    """Set or compare names and number of a frame's columns, as `validate_data` does.
+    """Set or compare names and number of columns.
 
     Names that are text are set here, and are found to be the fitted ones: scikit-learn's way to them, which has any
     library's frames in mind, takes a twentieth of a fit. It is asked, and raises, wherever there is more to say.
@@ -189,7 +189,7 @@ def _check_names(estimator: Any, X: pd.DataFrame, reset: bool) -> None:
 
 
 def no_flags(record: Record) -> Flags:
-    """Flags of rows that belong to no block: why they have no temperature."""
+    """Flags of rows outside any block."""
     flags = Flags(record.n_rows, "no temperature")
     for refused in record.refused:
         flags[refused.rows] = refused.reason
@@ -197,7 +197,7 @@ def no_flags(record: Record) -> Flags:
 
 
 def like(X: Any, values: np.ndarray, name: str) -> Any:
-    """Values as a Series beside a DataFrame, as an array beside an array."""
+    """Values as a Series for a DataFrame, else an array."""
     return pd.Series(values, index=X.index, name=name) if isinstance(X, pd.DataFrame) else values
 
 
@@ -252,13 +252,13 @@ class Reading:
 
 
 def unit_by_size(low: float) -> str:
-    """The unit that temperatures of no named unit, of which `low` is the least, are taken for."""
+    """The unit of temperatures that have none named."""
     # Temperatures of no unit that are all above it are taken for kelvin, others for degC
     return "K" if low > 150.0 else "degC"
 
 
 def check_plausible(record: Record, reading: Reading) -> None:
-    """Refuse a temperature that never changes; warn about one that cannot be a temperature, or a stuck reading."""
+    """Refuse a constant temperature; warn of implausible ones."""
     low, high = reading.temperature_range
     if reading.n_readings > 1 and is_flat(low, high):
         raise RecordError(
@@ -278,7 +278,7 @@ def check_plausible(record: Record, reading: Reading) -> None:
 
 
 def _check_reference(reference: Any, X: Any, y: Any) -> None:
-    """Refuse a reference that is no name, that is the reading itself, or that is in another unit than the reading."""
+    """Refuse a reference with a wrong name or unit."""
     if reference is None:
         return
     if not isinstance(reference, str):
@@ -329,13 +329,13 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
 
 
 def _far(levels: tuple[float, ...], low: float, high: float) -> bool:
-    """True if values between two limits lie further from every level than the levels lie from one another."""
+    """True if values lie beyond all levels."""
     width = _width(min(levels), max(levels))
     return low < min(levels) - width or high > max(levels) + width
 
 
 def _width(low: float, high: float) -> float:
-    """Width of a range; for a single number, the step to which it can be resolved."""
+    """Width of a range; of one number its resolution."""
     return max(high - low, resolved(low, high))
 
 
@@ -345,7 +345,7 @@ _DAY = 86400.0
 
 
 def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weight: Any) -> Any:
-    """The readings to learn from: NaN where they are masked, with weights where some are given.
+    """The readings to learn from, NaN where masked, and weights.
 
     `X`, `y`, `mask`, `weight` (see `DynamicBiasRegressor.fit`). `layout` (Layout): Where things stand in X. Raises
     RecordError for a reference, masks and weights that do not fit the record.
@@ -362,7 +362,7 @@ def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weight: Any) -> 
 
 
 def _refuse_short_runs(X: Any, layout: Layout) -> None:
-    """Refuse a column of runs that has other things than labels of runs, before it costs minutes."""
+    """Refuse a column of runs that holds no labels."""
     X = as_data(X)
     if layout.run is None or not is_frame(X) or layout.run not in X.columns:
         return  # the record says what is wrong with it

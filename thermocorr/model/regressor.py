@@ -1,4 +1,4 @@
-"""`DynamicBiasRegressor`: features, ridge and the choice of time constants in one scikit-learn regressor."""
+"""`DynamicBiasRegressor`: features, time constants and ridge."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .thermometers import Thermometers
 
 
 class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseEstimator):
-    """Learns how temperature moves a reading, late, and removes it: the model of eqs. (21)-(24).
+    """Learn a late thermal bias and remove it, eqs. (21)-(24).
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return self
 
     def _choose(self, record: Record, reading: Reading) -> TimeConstantChoice | None:
-        """Choose the time constants from a record; None where they are given."""
+        """Choose the time constants; None where they are given."""
         count, given = None, self.time_constants
         if not (isinstance(given, str) and given == "auto"):
             if isinstance(given, bool) or (isinstance(given, Integral) and not 1 <= int(given) <= POOL_SIZE):
@@ -224,7 +224,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return replace(found, factored=None, spectrum=spectrum)  # the factors hold the record: it would stay in memory
 
     def _knows_highest_power(self) -> bool:
-        """True if the coefficient of (T - T0)^degree, the last column of the static law, is clearly not zero."""
+        """True if the highest power's coefficient is clearly not zero."""
         errors = standard_errors(self._swept, self._solution, self.alpha_)
         # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
@@ -247,7 +247,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return believed
 
     def _conclude(self, record: Record, believed: Record) -> None:
-        """Doubts about what was learned, and the names of the columns it was learned from."""
+        """Add warnings and names after a fit."""
         for of_old_fit in ("_known_standard_errors", "_known_errors", "_known_ranges", "provenance_"):
             self.__dict__.pop(of_old_fit, None)
         doubts = [*doubts_of(self, record, self._solution), *readings_left_out(record, believed)]
@@ -259,7 +259,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             self.feature_names_in_ = self.features_.feature_names_in_
 
     def predict(self, X: Any, return_std: bool = False) -> Any:
-        """Modelled reading, eq. (22), shape (n_rows,); NaN in rows without a temperature, or a refused one.
+        """Modelled reading, eq. (22), shape (n_rows,); NaN without temperature.
 
         With a `reference` it is that plus the modelled bias, and NaN where X has none. With `return_std` a tuple: the
         standard uncertainty of one reading to come beside it, its noise included.
@@ -270,7 +270,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return np.asarray(self._contributions(X).sum(axis=1) + np.asarray(self._level(X)))
 
     def bias(self, X: Any, return_std: bool = False) -> Any:
-        """Bias that `correct` removes: the modelled reading less U0, and less effects that are to be kept.
+        """Bias that `correct` removes.
 
         With a `reference` the modelled error, U0 included. With `return_std` a tuple, with its standard
         uncertainty, without the noise of readings.
@@ -281,7 +281,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return like(X, self._removed_part(self._contributions(X)), "bias")
 
     def correct(self, X: Any, y: Any, return_std: bool = False, average: int | None = None) -> Any:
-        """Corrected reading: reading minus bias, eq. (24). A Series where X is a DataFrame.
+        """Corrected reading: reading minus bias, eq. (24).
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
         leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
@@ -303,12 +303,15 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return (value, like(X, u, "u")) if return_std else value
 
     def residuals(self, X: Any, y: Any) -> Any:
-        """Measured minus modelled reading, NaN as in `correct`. A Series where X is a DataFrame."""
+        """Measured minus modelled reading.
+
+        NaN as in `correct`; a Series where X is a DataFrame.
+        """
         parts, believed = self._parts(X, self._reading_numbers(X, y))
         return like(X, believed - (parts.sum(axis=1) + np.asarray(self._level(X))), "residual")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
-        """Everything about a record in one frame: corrected, model, residual, flag; rows as they came.
+        """A record in one frame: corrected, model, residual, flag.
 
         Warns as `correct` does. With `return_std` a column more: `u`, the standard uncertainty of `corrected`.
         """
@@ -328,7 +331,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
 
     def evaluate_blocks(self, X: Any, y: Any) -> Iterator[pd.DataFrame]:
-        """The rows of `evaluate` in blocks of some thousand, in time order, for records larger than memory.
+        """`evaluate` in blocks, for records larger than memory.
 
         Rows without a temperature, or with a refused one, are left out. The index is X's, or row numbers where it has
         none.
@@ -342,12 +345,12 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             yield pd.DataFrame({**values, "flag": flagged.column()}, index=index)
 
     def _check_corrected(self, corrected: np.ndarray, reading: Any) -> None:
-        """Warn of corrected readings that leave all readings far behind; of an error the range says nothing."""
+        """Warn of corrected readings far from all readings."""
         if self.features_.reference is None:
             check_corrected(self.reading_, corrected, reading, self._level_asked_for())
 
     def _level_asked_for(self) -> tuple[float, ...]:
-        """U0 where T0 was put outside the fitted temperatures: corrected readings leave the fitted ones on purpose."""
+        """U0 where T0 lies outside the fitted temperatures."""
         low, high = self.reading_.temperature_range
         return () if low <= self.reference_temperature_ <= high else (self.intercept_,)
 
@@ -360,7 +363,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._take(features, self._swept)
 
     def _take(self, features: DiffusiveFeatures, swept: Swept) -> None:
-        """Become the model of these columns, with the coefficients that their factors give."""
+        """Become the model with these columns and coefficients."""
         self._swept, self._solution = swept, swept.solution(self.alpha_)
         ridge = MergedRidge(self.alpha_).take(self._solution, swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
@@ -368,11 +371,11 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self.washout_ = 3.0 * features.memory()
 
     def _learn_levels(self, record: Record) -> None:
-        """Give each run of a record its level: the first step of `fit`."""
+        """Give each run its level, the first step of `fit`."""
         self._run_levels = RunLevels() if self.run is None else run_levels(record)
 
     def _unfitted_features(self, time_constants: Any, levels: RunLevels | None = None) -> DiffusiveFeatures:
-        """Features with the settings of this model and the time constants given, before their fit.
+        """Unfitted features with these time constants.
 
         They have the steps between the runs of the record, or those given.
         """
@@ -386,7 +389,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         return features
 
     def _evaluated_blocks(self, X: Any, y: Any) -> Iterator[tuple[Block, dict[str, np.ndarray], Flags]]:
-        """The columns of `evaluate` as arrays, with the block (times, segment, temperature) that they belong to."""
+        """`evaluate` as arrays, block by block."""
         reading, level = self._reading_numbers(X, y), self._level(X)
         for block, parts in self._weighed_blocks(X, *self._resumed_with_gaps(X)):
             given = np.asarray(reading[block.rows], float)
@@ -406,7 +409,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
 
 def largest_lag(model: DynamicBiasRegressor) -> float | None:
-    """Time constant [s] of the lag that moves the reading most; None for a model without lags."""
+    """Time constant of the largest lag [s], or None."""
     if not len(model.time_constants_):
         return None
     before = takewhile(lambda effect: not isinstance(effect, ThermalLag), model.features_.effect_list())

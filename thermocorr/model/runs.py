@@ -1,4 +1,4 @@
-"""Levels of the runs of a log: each has a U0 of its own.
+"""Levels of the runs of a log, a U0 each.
 
 A log may hold runs of different measurands: 3 V on Monday, 7 V on Tuesday. One U0 for both makes the temperature's
 columns explain the difference, and the correction is nonsense. So a step at the start of each run stands in the model,
@@ -27,13 +27,13 @@ NAME = "run_levels"
 
 
 class RunLevels(NamedTuple):
-    """Moments at which the level of the reading changes, in seconds since the record began; none for one level."""
+    """Moments at which the level changes [s since the start]."""
 
     times: tuple[float, ...] = ()
     note: str = ""
 
     def beside(self, effects: list[tuple[str, Effect]]) -> list[tuple[str, Effect]]:
-        """Effects of a model, and the steps between its runs after them, where there are any."""
+        """Effects of a model, then the steps between runs."""
         if not self.times:
             return effects
         taken = {name for name, _ in effects}
@@ -42,14 +42,14 @@ class RunLevels(NamedTuple):
 
     @classmethod
     def among(cls, learned: Sequence[tuple[str, Effect]], given: Sequence[tuple[str, Effect]]) -> RunLevels:
-        """Levels that a fitted model has, from its learned effects and those that its user gave."""
+        """Levels of a fitted model, from its effects."""
         own = {name for name, _ in given}
         steps = [e for name, e in learned if name.startswith(NAME) and name not in own and isinstance(e, SeveralSteps)]
         return cls(tuple(float(time) for step in steps for time in step.times))
 
 
 def run_levels(record: Record) -> RunLevels:
-    """Levels of the runs of a record with readings, and a note where they have none or leave no law to learn.
+    """Levels of a record's runs, and a note on doubts.
 
     Raises RecordError where runs overlap in time at levels that are far apart: a model holds one level at a time.
     """
@@ -74,14 +74,14 @@ def run_levels(record: Record) -> RunLevels:
 
 
 def _far_apart(record: Record, runs: Sequence[_Run]) -> bool:
-    """True if readings lie ten times as far apart from run to run as within them."""
+    """True if runs differ ten times as much as their readings."""
     reading: Any = record.reading
     values = [np.asarray(reading[record.kept(run.first, run.stop)], float) for run in runs]
     return bool(np.var([np.nanmean(own) for own in values]) > 10.0**2 * np.mean([np.nanvar(own) for own in values]))
 
 
 def _at_set_points(record: Record, runs: Sequence[_Run]) -> str:
-    """Note on runs at one temperature each: their levels take what differs between them."""
+    """Note on runs at one temperature each."""
     temperature, squares = record.columns[record.temperature_name], 0.0
     for run in runs:
         own = np.asarray(temperature[record.kept(run.first, run.stop)], float)
@@ -129,7 +129,7 @@ def _known(record: Record, start: int, stop: int) -> bool:
 
 
 def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
-    """Rows of runs whose level a model cannot know, as it has no reading of them; shape (n_rows,), booleans.
+    """True for rows of runs without a known level, (n_rows,).
 
     `model` (DynamicBiasRegressor): Fitted; where its runs have one level, there are no such rows. `X` (as for its
     `fit`). `known` (array of shape (n_rows,)): Readings that are learned from, NaN elsewhere.
@@ -141,13 +141,13 @@ def unlearned(model: Any, X: Any, known: np.ndarray) -> np.ndarray:
 
 
 def is_level(model: Any, effect: Effect) -> bool:
-    """True if an effect of a fitted model is the level of each run."""
+    """True if an effect is the level of each run."""
     times = model._run_levels.times
     return bool(times) and isinstance(effect, SeveralSteps) and tuple(effect.times) == times
 
 
 def level_variance(model: Any) -> float:
-    """Variance of the levels of a fitted model's runs about the last one, which later rows get; 0 for one level.
+    """Variance of the runs' levels about the last.
 
     What the level of a run that was never seen may be off by, as far as the fitted runs tell.
     """

@@ -1,4 +1,4 @@
-"""Search of time constants: what is asked for, the methods, and the one pass that serves all."""
+"""Search of time constants: methods, and the pass that serves all."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def check_candidates(candidates: Any) -> None:
 
 
 def check_alphas(alphas: Any) -> None:
-    """Raise ValueError unless alphas are "auto", or ridge penalties that are finite and not negative."""
+    """Raise ValueError for penalties that are no numbers >= 0."""
     if isinstance(alphas, str) and alphas == "auto":
         return
     try:
@@ -100,7 +100,7 @@ class CandidateRow(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Factored:
-    """A record, turned into what the search works on: the only pass over the data."""
+    """A record as the search needs it, read once."""
 
     record: Record
     reading: Reading
@@ -194,14 +194,14 @@ def search(
 
 
 def learn_checked(features: DiffusiveFeatures, record: Record, reading: Reading) -> None:
-    """Let the features learn from a record; refuse one from which nothing can be learned."""
+    """Let features learn; refuse a record that teaches nothing."""
     features.learn_from(record)
     require_rows(reading.n_readings, sum(effect.n_columns() for effect in features.effect_list()))
     check_plausible(record, reading)
 
 
 def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSettings) -> TimeConstantChoice:
-    """A whole spectrum chosen by forecasting, projected on few time constants: see `spectrum`."""
+    """A spectrum chosen by forecasting, then projected on few."""
     reference = reference_spectrum(factored)
     path = project(factored.whole, factored.layout, reference, settings.count)
     alpha = final_alpha(factored, reference)
@@ -213,7 +213,7 @@ def _by_spectrum(factored: Factored, cross: CrossValidation, settings: SearchSet
 
 
 def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, alpha: float) -> Set:
-    """Add fast time constants that the penalty of the reference has held down.
+    """Add fast time constants that the penalty suppressed.
 
     The mean over the folds has to be better with them, and so have all folds but one: a missing effect may upset one.
     Only fast ones: any stretch of a record has seen many of their lives, and forecasts are safe.
@@ -236,7 +236,7 @@ def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, al
 
 
 def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
-    """Leave out slow time constants that explain next to nothing given the others.
+    """Drop slow time constants that explain nothing more.
 
     A slow lag is nearly a straight line, and shares the static law with it: one that is there for nothing costs the
     gain some digits. A thermometer with noise brings such lags in. Where starts of many segments were taken out, no lag
@@ -266,7 +266,7 @@ def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
 def _by_cross_validation(
     factored: Factored, cross: CrossValidation, settings: SearchSettings, explicit: list[np.ndarray] | None
 ) -> TimeConstantChoice:
-    """The set and the ridge penalty with the least error on stretches of time that they did not see."""
+    """Set and penalty with the least error on unseen stretches."""
     n = factored.reading.n_readings
     # Ridge penalties that are tried when none are given, per reading
     alphas = sorted(
@@ -334,7 +334,7 @@ def _choice(
 
 
 def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
-    """Sets of time constants [s], where the user lists them; None where one pool is given."""
+    """Sets of time constants that the user lists [s], or None."""
     if isinstance(candidates, str) or not len(candidates) or np.ndim(candidates[0]) == 0:
         return None
     if all(PLAIN.issuperset(map(type, times)) for times in candidates):
@@ -350,7 +350,7 @@ def _explicit_sets(candidates: Any) -> list[np.ndarray] | None:
 def _evenly_spread(
     features: DiffusiveFeatures, record: Record, reading: Reading, span: float, settings: SearchSettings
 ) -> TimeConstantChoice:
-    """Too few readings to choose from: a few time constants, evenly spread in the logarithm."""
+    """A few evenly spread time constants, for too few readings."""
     n_static = sum(effect.n_columns() for effect in features.effect_list())
     count = 3 if settings.count is None else settings.count
     count = max(1, min(count, (reading.n_readings - n_static - 2) // 4))
@@ -368,7 +368,7 @@ def _evenly_spread(
 def factors_of(
     features: DiffusiveFeatures, record: Record, reading: Reading, grid: np.ndarray, settings: SearchSettings
 ) -> Factored:
-    """The one pass: a factor for each stretch over ``[1 | static | lags | decays | U]``."""
+    """A factor per stretch of ``[1 | static | lags | decays | U]``."""
     columns = LagColumns.of(features, record, grid)
     folds = folds_in_time(record, settings.cv)
     effects = [*features.effect_list(), columns.lag, *columns.further, columns.transient]
@@ -377,7 +377,7 @@ def factors_of(
 
 
 def reference_spectrum(factored: Factored) -> GridRidge:
-    """The whole spectrum, from the factors of consecutive stretches merged to `N_BLOCKS` of equal length."""
+    """The whole spectrum, from `N_BLOCKS` stretches of equal length."""
     ends = equal_edges(factored.record, N_BLOCKS)
     block = np.searchsorted(ends, factored.folds.edges[:-1], side="right") - 1
     blocks = [
@@ -400,7 +400,7 @@ OPPOSED = 0.1
 
 
 def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
-    """Diffusive spectrum mu(tau) over the grid, and what the record could see of each time constant.
+    """Diffusive spectrum mu(tau), and what the record resolves.
 
     Returns DataFrame with columns: time_constant [s], of the lags of the (first) thermometer; coefficient: mu(tau) of
     the reference model (ridge over the whole grid), reading per K; excitation [K]: rms of the lag difference, the
@@ -428,7 +428,7 @@ def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
 
 
 def interval_table(time_constants: np.ndarray, log_errors: np.ndarray) -> pd.DataFrame:
-    """Time constants with 95 % intervals [s], from standard errors of ln tau."""
+    """Time constants with 95 % intervals [s]."""
     with np.errstate(over="ignore"):
         factor = np.exp(CONFIDENCE_95 * log_errors)
     return pd.DataFrame(
@@ -444,7 +444,7 @@ def interval_table(time_constants: np.ndarray, log_errors: np.ndarray) -> pd.Dat
 def unresolved(
     time_constants: np.ndarray, record: Record, solution: RidgeSolution, n_static: int, noise: float
 ) -> list[str]:
-    """Sentences on time constants that the record cannot determine; empty where all is well.
+    """Sentences on time constants that the record leaves open.
 
     `time_constants` (array of shape (J,)): Of a fitted model [s], increasing. `record` (Record). `solution`
     (RidgeSolution): Columns are `n_static` static ones, then the lags. `noise` (float): Standard deviation of the
@@ -499,7 +499,7 @@ LONGEST_STEP = 0.5
 
 @dataclass(frozen=True)
 class Extended:
-    """Factors of ``[1 | Q | dU/dln tau | U]``, made when somebody asks for them."""
+    """Factors of ``[1 | Q | dU/dln tau | U]``, made on demand."""
 
     chunks: Sequence[TriangularFactor]
     """Factors of ``[1 | Q | Q of moved time constants | U]``, stretch by stretch."""
@@ -513,7 +513,7 @@ class Extended:
         return [chunk.combined(self.combination) for chunk in self.chunks]
 
     def log_errors(self) -> np.ndarray:
-        """Standard error of each ln tau; true for residuals that forget within a stretch (see `standard_errors`).
+        """Standard error of each ln tau.
 
         Infinite where the record says nothing about a time constant.
         """
@@ -540,7 +540,7 @@ class Sensitivity:
 
     @cached_property
     def model(self) -> Factored:
-        """Factors of ``[1 | Q | U]``, stretch by stretch, and what their columns are."""
+        """Factors of ``[1 | Q | U]`` per stretch, and their columns."""
         own = _own_columns(self.columns)
         return Factored(
             record=self.base.record, reading=self.base.reading, features=self.base.features, columns=self.columns,
@@ -548,7 +548,7 @@ class Sensitivity:
         )  # fmt: skip
 
     def step(self, alpha: float, damping: float) -> np.ndarray:
-        """Gauss-Newton step in ln tau, damped as Levenberg and Marquardt do where directions are nearly alike."""
+        """Damped Gauss-Newton step in ln tau (Levenberg, Marquardt)."""
         factor, n = TriangularFactor.merged(self.extended.factors), len(self.time_constants)
         n_rows = factor.n_rows
         rows = np.zeros((n, factor.r.shape[1]), order="F")
@@ -559,7 +559,7 @@ class Sensitivity:
 
 
 def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sensitivity:
-    """Factors of a model and of its sensitivities to its lags' time constants, in one pass.
+    """Factors of a model and its sensitivities, in one pass.
 
     `base` (Factored): The record, its static part and its folds. `time_constants` (array of shape (J,)): [s]. `alpha`
     (float): Ridge penalty.
@@ -587,14 +587,14 @@ def sensitivity(base: Factored, time_constants: np.ndarray, alpha: float) -> Sen
 
 
 def _own_columns(columns: LagColumns) -> list[int]:
-    """Those of ``[1 | Q | U]`` where the columns of moved time constants stand before the reading."""
+    """Numbers of the columns of ``[1 | Q | U]``."""
     n_moved = len(columns.layout.grid) + len(columns.decays)
     n_model = columns.layout.n_free + n_moved
     return [*range(n_model), n_model + n_moved]
 
 
 def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
-    """Move the time constants to the least residual sum of squares, by steps that never increase it."""
+    """Move the time constants to the least residual."""
     for _ in range(MAX_PASSES):
         there = None
         # Dampings of a step, relative to the sensitivities; the next is tried where one makes the fit worse
@@ -619,7 +619,7 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
 
 
 def refined(base: Factored, time_constants: np.ndarray, alpha: float) -> tuple[Sensitivity, np.ndarray]:
-    """Refine time constants, then leave out those that the folds do not miss.
+    """Refine time constants, then drop unneeded ones.
 
     Time constants that were spread over two neighbours of the grid meet when they are free to move, and one of them
     becomes superfluous: it leaves, the others are moved again, as long as the loss on the tested stretches does not

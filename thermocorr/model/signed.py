@@ -1,4 +1,4 @@
-"""Uncertainties of a fitted model, and why readings may not be signed."""
+"""Uncertainties of a fitted model, and its refusals."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def uncertainty_of(
 
 
 def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
-    """Reason why corrected readings cannot be signed; "" where there is none."""
+    """Reason against signing corrected readings, or ""."""
     if diagnosis is not None:
         verdict = _verdict_on(model, diagnosis)
         if not VERDICTS[verdict].calm:
@@ -110,7 +110,7 @@ def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
 
 
 def too_short(joint: JointErrors) -> str:
-    """A sentence on a record that is too short for its noise; "" where it is not."""
+    """Sentence on a record too short for its noise, or ""."""
     noise = joint.noise
     if noise.wander_variance <= WANDERS * noise.variance or MEMORIES * noise.memory <= joint.end:
         return ""
@@ -122,7 +122,7 @@ def too_short(joint: JointErrors) -> str:
 
 
 def _verdict_on(model: Any, diagnosis: Any) -> str:
-    """Verdict of a diagnosis on a model; ValueError for other objects and for other models."""
+    """Verdict of a diagnosis of this model, or ValueError."""
     if not (hasattr(diagnosis, "verdict") and hasattr(diagnosis, "residual_rms")):
         raise ValueError(
             f"The 'diagnosis' parameter must be what diagnose(model, X, y) returns. Got {diagnosis!r:.60} instead."
@@ -147,11 +147,11 @@ class SignedModel(FittedModel):
 
     @property
     def _knows_noise(self) -> bool:
-        """True if the model can tell uncertainties: not if it was fitted with weights."""
+        """True if the model knows its uncertainties."""
         return hasattr(self, "_known_errors") or getattr(getattr(self, "_swept", None), "binned", None) is not None
 
     def _joint_errors(self) -> JointErrors:
-        """Best estimate and covariance of the coefficients, and the noise of the fitted record; kept once made."""
+        """Coefficients with covariance, and the noise; made once."""
         check_is_fitted(self, "pipeline_")
         if not hasattr(self, "_known_errors"):
             if not self._knows_noise:
@@ -244,7 +244,7 @@ class SignedModel(FittedModel):
         )
 
     def _uncertain(self, X: Any, of: str, reading: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The "bias", the "corrected" reading or a "reading" to come, and its standard uncertainty, (n_rows,) each."""
+        """Bias, corrected or new reading, and its uncertainty."""
         joint = self._joint_errors()
         record, _, _ = self._resumed_with_gaps(X)
         values, result = np.full(record.n_rows, np.nan), np.full(record.n_rows, np.nan)

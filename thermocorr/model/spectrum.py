@@ -1,4 +1,4 @@
-"""Choice of time constants: a whole spectrum chosen by forecasting, then projected on a few time constants.
+"""A whole spectrum chosen by forecasting, then projected.
 
 1. One pass gives a triangular factor per block of time over ``[1 | static | lags of a log grid | fast decays | U]``.
 2. Reference model: ridge on the whole grid. Its two knobs, penalty and longest time constant, are chosen by forward
@@ -64,7 +64,7 @@ class GridLayout:
 
     @cached_property
     def prior(self) -> np.ndarray:
-        """Standard deviation of each grid member's coefficient before the record speaks, up to a common factor.
+        """Prior standard deviation of each grid coefficient.
 
         A denser grid means the same prior, and so does a thermometer that swings less.
         """
@@ -74,7 +74,7 @@ class GridLayout:
         return np.asarray(scale / np.asarray(self.deviations)[self.owner])
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
-        """Columns of the model with grid members `chosen`, the free ones left out."""
+        """Columns with the grid members `chosen`."""
         lags = [self.n_free + i for i in chosen]
         return lags + [column for i in chosen for column in self.decays[i]]
 
@@ -98,19 +98,19 @@ class GridRidge:
 
 
 def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
-    """Time constants from two sampling steps to the length of the record [s], and one of less than a step."""
+    """Time constants from below one step to the record's length [s]."""
     low = 2 * usual_step
     # Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag
     return np.append(0.5 * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
 
 
 def spread(grid: np.ndarray, span: float, count: int) -> np.ndarray:
-    """`count` time constants spread evenly in the logarithm up to a third of the record [s]."""
+    """`count` time constants up to a third of the record [s]."""
     return np.geomspace(grid[1], max(span / 3, 1.5 * grid[1]), count)
 
 
 def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> GridRidge:
-    """Choose penalty and ceiling by forecasting; fit the whole grid with them.
+    """Choose penalty and ceiling by forecasting; fit the grid.
 
     `blocks` (sequence of TriangularFactor): Blocks of about equal length in time order. `layout` (GridLayout): Which
     column is what.
@@ -132,7 +132,7 @@ def reference_of(blocks: Sequence[TriangularFactor], layout: GridLayout) -> Grid
 def reference_models(
     factor: TriangularFactor, layout: GridLayout, ceiling: float, penalties: Sequence[float]
 ) -> np.ndarray:
-    """Coefficients of the whole grid for each penalty, shape (len(penalties), columns before the reading).
+    """Coefficients of the grid for each penalty.
 
     Minimises ``|U - A b|^2 + n penalty (sd_T^2 |mu|^2 + |nu|^2)``; the free columns are not penalised, so they drop
     out with the first rows of R, and one singular value decomposition serves every penalty.
@@ -154,7 +154,7 @@ def reference_models(
 
 
 def squared_error(factor: TriangularFactor, coefficients: np.ndarray) -> float:
-    """Sum of squares of U - A b, from the triangle alone."""
+    """Sum of squares of U - A b, from the triangle."""
     rest = factor.r[:, -1] - factor.r[:, :-1] @ coefficients
     return float(rest @ rest)
 
@@ -187,7 +187,7 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> n
 def project(
     factor: TriangularFactor, layout: GridLayout, reference: GridRidge, count: int | None = None
 ) -> list[tuple[int, ...]]:
-    """Grid members whose span holds the reference's reading: greedy steps, each followed by exchanges.
+    """Grid members that span the reference's reading.
 
     Misfits are relative to the residual sum of squares, screened by cross products and confirmed by QR. Returns the set
     after each step; the last one is the choice, with `count` members or the first whose misfit falls below `TOLERANCE`.
@@ -233,7 +233,7 @@ Best = Callable[[set[tuple[int, ...]]], tuple[tuple[int, ...], float]]
 
 
 def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack: float = 0.0) -> tuple[int, ...]:
-    """One greedy step: the best set with one member more, then exchanges of one member as long as they help.
+    """The best set with one member more, then exchanges.
 
     `best` takes sets and returns the one with the least error, and that error.
     """

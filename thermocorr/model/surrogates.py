@@ -1,4 +1,4 @@
-"""Copies of recorded columns that are moved in time: what slow swings explain by chance.
+"""Recorded columns moved in time: what slow swings explain by chance.
 
 A few slow swings go with a few others whatever noise is assumed, so a column must outdo such copies of itself
 (Ebisuzaki, Journal of Climate 10, 1997).
@@ -19,7 +19,7 @@ LEAST_MOVED = 0.05
 
 
 def moved(record: Record, names: Collection[Any]) -> Iterator[Record]:
-    """The record with some columns moved in time; what is moved beyond the end comes in at the beginning.
+    """The record with columns moved in time, end around.
 
     Every second copy is reversed. Rows in which a cell is missing are no part of the record, and keep theirs.
     """

@@ -1,4 +1,4 @@
-"""Tables of a fitted model, and the words for its state."""
+"""Tables of a fitted model, and the four verdicts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .reading import Reading
 def coefficient_table(
     effects: Sequence[Effect], coefficients: np.ndarray, errors: np.ndarray, reading: Reading
 ) -> pd.DataFrame:
-    """One row per column of the model, U0 first; index is the column's name.
+    """One row per column of the model, U0 first.
 
     Characters that steer a terminal are shown as escapes, except line ends and tabs in names, which pandas itself
     escapes in what it prints.
@@ -48,7 +48,7 @@ def _per(reading: Reading, unit: str) -> str:
 
 
 def equation_text(effects: Sequence[Effect], coefficients: np.ndarray, reading: Reading, temperature: str) -> str:
-    """The fitted formula as text: what adds to the reading, and what the names mean, with the means in it."""
+    """The fitted formula as text, with its symbols."""
     unit = f" {printable(unit_text(reading.unit))}" if reading.unit else ""
     lines = [f"{printable(reading.name)} = {coefficients[0]:.10g}{unit}"]
     terms = [printable(term) for effect in effects for term in effect.terms()]
@@ -66,7 +66,7 @@ def equation_text(effects: Sequence[Effect], coefficients: np.ndarray, reading: 
 
 
 def distinct(labels: Sequence[str]) -> list[str]:
-    """Labels with a number behind those that stand a second time: "thermal lag", "thermal lag (2)"."""
+    """Labels, repeated ones numbered: "thermal lag (2)"."""
     counts = [labels[: i + 1].count(label) for i, label in enumerate(labels)]
     return [label if count == 1 else f"{label} ({count})" for label, count in zip(labels, counts, strict=True)]
 

@@ -1,4 +1,4 @@
-"""Thermometers: several of them, and what their errors do to a fit."""
+"""Several thermometers, and their errors in a fit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PREFIX = "thermometer_"
 
 @dataclass(frozen=True)
 class Thermometer:
-    """A column of temperatures, and what its thermometer is known to do wrong: an item of the parameter `temperature`.
+    """A column of temperatures, and its thermometer's known errors.
 
     What is not declared is estimated where a record shows it, see `thermocorr.validation.thermometer_errors`. A
     diagnosis takes it for the cause of what it explains.
@@ -78,7 +78,7 @@ class Thermometer:
 
     @classmethod
     def given(cls, plain: Any) -> Any:
-        """The parameter `temperature` from its form in a model file, see `plain`."""
+        """The parameter `temperature` as a model file has it."""
         if isinstance(plain, list):
             return [cls.given(item) for item in plain]
         return cls(**plain) if isinstance(plain, dict) else plain
@@ -103,7 +103,7 @@ class Thermometers(NamedTuple):
 
     @classmethod
     def of(cls, temperature: Any) -> Thermometers:
-        """Thermometers from the parameter; ValueError for an empty list, and for a column that is named twice."""
+        """Thermometers from the parameter; ValueError for doubles."""
         if isinstance(temperature, np.ndarray | pd.Index):
             temperature = temperature.tolist()
         given = temperature if isinstance(temperature, list) else [temperature]
@@ -149,7 +149,7 @@ class Thermometers(NamedTuple):
         ]
 
     def times_in(self, effects: Iterable[tuple[str, Effect]]) -> dict[Any, np.ndarray]:
-        """Time constants of each further thermometer [s], from the named effects of a model."""
+        """Time constants of each further thermometer [s]."""
         found = {effect.inputs()[0]: effect for name, effect in effects if name.startswith(PREFIX) and effect.inputs()}
         return {name: seconds_array(getattr(found.get(name), "time_constants", ())) for name in self.further}
 
@@ -161,7 +161,7 @@ class Thermometers(NamedTuple):
 
 
 def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
-    """Errors of each thermometer: noise, steps, and their effect on a fit.
+    """Noise and resolution of each thermometer, and their effect.
 
     A thermometer's white noise is what is left of its changes from row to row when the time between rows goes to zero,
     see `thermocorr.equations.statistics.white_part`: true where rows are close enough to resolve the temperature; a
@@ -241,7 +241,7 @@ def _noise_of(record: Record, name: Any) -> float:
 
 
 def resolution_of(parts: Sequence[np.ndarray]) -> float:
-    """Step of an instrument, from consecutive values; 0 where few in a row are the same, or they lie on no grid."""
+    """Step of an instrument; 0 where it shows none."""
     still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
     # Share of rows that read what the row before read, from which the steps of a thermometer are seen as such: where it
     # moves by several steps a row, they are noise like any other
@@ -260,7 +260,7 @@ def resolution_of(parts: Sequence[np.ndarray]) -> float:
 def _felt(
     model: Any, record: Record, starts: Any, states: Any, name: Any, noise: float, step: float
 ) -> tuple[float, float, float]:
-    """Standard deviation in the reading, the part that wanders, and relative error of the static gain.
+    """Wandering error of the reading, and relative gain error.
 
     With steps that is a size without sign, see `thermometer_errors`.
     """
@@ -316,7 +316,7 @@ def _place_of_gain(effects: Sequence[Effect], name: Any, temperature: Any) -> in
 
 
 def _error(record: Record, name: Any, noise: float, step: float) -> np.ndarray:
-    """Simulated error of a thermometer in each row: like the real one in size, not row by row.
+    """Simulated error of a thermometer, row by row.
 
     Steps: the temperature is taken as a straight line between the moments at which its reading changed, when it was
     midway, and is its reading in the middle of a stay from which it goes back. Noise: drawn, always the same.

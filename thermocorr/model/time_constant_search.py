@@ -1,4 +1,4 @@
-"""`TimeConstantSearch`: choose time constants in the manner of scikit-learn's searches, from one pass over the data."""
+"""`TimeConstantSearch`: time constants by cross-validation in one pass."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from .thermometers import Thermometers
 
 
 class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
-    """Search over sets of time constants and ridge penalties, at the price of one pass over the record.
+    """Search over time constants and penalties, in one pass.
 
     The pass turns every stretch of time into a small triangular factor over all columns of a dense grid of time
     constants. All sets, folds and penalties are then solved from these factors, exactly: the errors are those of
@@ -163,12 +163,18 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
 
     @available_if(lambda self: self.refit)
     def predict(self, X: Any, return_std: bool = False) -> Any:
-        """Modelled reading of the best model; with `return_std` its standard uncertainty too."""
+        """Modelled reading of the best model, and its uncertainty.
+
+        With ``return_std=True`` a pair, else the reading alone; see `DynamicBiasRegressor.predict`.
+        """
         return self._best().predict(X, return_std=return_std)
 
     @available_if(lambda self: self.refit)
     def correct(self, X: Any, y: Any, return_std: bool = False) -> Any:
-        """Corrected reading of the best model; with `return_std` its standard uncertainty too."""
+        """Corrected reading of the best model, and its uncertainty.
+
+        With ``return_std=True`` a pair, else the reading alone; see `DynamicBiasRegressor.correct`.
+        """
         return self._best().correct(X, y, return_std=return_std)
 
     def _best(self) -> DynamicBiasRegressor:
@@ -205,7 +211,7 @@ class TimeConstantSearch(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
 
     @cached_property
     def time_constants_(self) -> pd.DataFrame:
-        """The choice with 95 % intervals [s], made when it is asked for."""
+        """The choice with 95 % intervals [s]."""
         check_is_fitted(self, "cv_results_")
         time_constants, extended = self.__dict__.pop("_chosen")
         return interval_table(time_constants, np.zeros(0) if extended is None else extended.log_errors())

@@ -1,4 +1,4 @@
-"""`Sensor` and `Reference`: what the user declares, type B in the words of the GUM."""
+"""`Sensor`, noise and joint errors of a fit, after the GUM."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .spectrum import TOLERANCE
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """Standard uncertainties of the thermometer, type B; what is not declared counts as zero, and is listed so.
+    """Standard uncertainties of the thermometer, type B.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Sensor:
 
     @property
     def offset(self) -> float:
-        """Standard uncertainty of an error that stays while readings are corrected [K]."""
+        """Standard uncertainty of an error that stays [K]."""
         return float(np.hypot(self.drift_since_learning, self.calibration if self.exchanged else 0.0))
 
     @property
@@ -89,7 +89,7 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseModel:
-    """White noise, noise that forgets within some rows, and Ornstein-Uhlenbeck parts of many correlation times.
+    """White noise, short noise and Ornstein-Uhlenbeck parts.
 
     Variances in the unit of the reading squared.
     """
@@ -129,7 +129,7 @@ class NoiseModel:
         return self.white + self.wander_variance
 
     def unpredicted(self, step: float) -> float:
-        """Variance of a reading about its best forecast from all before it, rows `step` apart [s] (Kolmogorov, 1941).
+        """Variance of a reading about its best forecast.
 
         It is what a diagnosis calls the noise floor, squared.
         """
@@ -142,12 +142,12 @@ class NoiseModel:
 
     @property
     def memory(self) -> float:
-        """Mean correlation time of what wanders, each part by its variance [s]; 0 where nothing does."""
+        """Mean correlation time of the wandering parts [s]."""
         total = self.wander_variance
         return float(self.wander @ self.correlation_times) / total if total > 0 else 0.0
 
     def size(self, seconds: np.ndarray) -> np.ndarray:
-        """Size of the noise at times [s], over that of the variances.
+        """Relative size of the noise at times [s].
 
         For what comes later, and before: the nearest one known, and its root mean square over the record at least. Of a
         noise that went on growing nothing better is known; one that goes with the temperature will be large again.
@@ -166,7 +166,7 @@ class NoiseModel:
         return self.variance**2 / spread if spread > 0 else np.inf
 
     def covariance(self, seconds: np.ndarray, runs: np.ndarray) -> np.ndarray:
-        """Covariance matrix of the noise of different readings, shape (n, n); that of different runs is independent."""
+        """Covariance of the noise of readings, (n, n)."""
         lag, size = np.abs(seconds[:, None] - seconds), self.size(seconds)
         with np.errstate(under="ignore"):
             total = np.exp(-lag / self.recent) * self.white if self.recent > 0 else self.white * np.eye(len(seconds))
@@ -176,7 +176,7 @@ class NoiseModel:
         return np.asarray(total * (runs[:, None] == runs) * size[:, None] * size)
 
     def of_mean(self, seconds: np.ndarray, runs: np.ndarray | None = None) -> tuple[float, float]:
-        """Variances of the mean of readings at times [s]: white noise, wandering parts.
+        """Variances of a mean of readings: white, wandering.
 
         With the number of each reading's run, shape (n,): the noise of different runs is independent.
         """
@@ -193,7 +193,7 @@ class NoiseModel:
 
 
 def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
-    """Mean of exp(-|t_i - t_j| / correlation_time) over all pairs of times with the given steps [s]."""
+    """Mean of exp(-|t_i - t_j| / correlation_time) over all pairs."""
     n = len(steps) + 1
     if correlation_time <= 0 or n == 1:
         return 1 / n
@@ -219,7 +219,7 @@ UNKNOWN = (
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors:
-    """The best estimate of a model's coefficients, its covariance and the noise, in the unit of the reading.
+    """Coefficients, their covariance, and the noise.
 
     Where time constants were searched, the columns are lags of the whole grid, with a prior: what the chosen few leave
     out counts, too. The fit's own error is that of this estimate plus the distance between the two.
@@ -246,7 +246,7 @@ class JointErrors:
     """Variance of what the chosen time constants may leave of the modelled reading."""
 
     def combined(self, columns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """Standard errors of what the fit says, of linear combinations of the columns, shape (k,).
+        """Standard errors of combinations of columns, (k,).
 
         `columns` (array of shape (k, p)): Of `effects`. `value` (array of shape (k,)): The same by the fit.
         """
@@ -261,7 +261,7 @@ constants given) and 100, 98, 95 % (searched): `python benchmarks/interval_cover
 
 
 def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErrors:
-    """Errors of a fitted `DynamicBiasRegressor`, from what its fit has swept together and solved.
+    """Errors of a fitted model, from its sweep.
 
     The slowest bodies may be the device's in a short record; in one that wanders they would take the noise upon
     themselves. They stay if they make the record likelier.
@@ -301,7 +301,7 @@ def joint_errors(model: Any, swept: Swept, solution: RidgeSolution) -> JointErro
 
 
 def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted, within: float) -> NoiseModel:
-    """Noise of single readings; `within` is the mean square that the fit leaves of them beyond that of bins' means."""
+    """Noise of single readings, from that of bins."""
     theta, covariance, rows = found.theta, found.theta_covariance, basis.rows
     white = float(theta[0])
     if rows > 1:
@@ -335,7 +335,7 @@ KELVIN = {"degF": 1.8}
 
 
 def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Variance of the bias in each row, from an offset of the thermometer (shared by all rows) and from the rest.
+    """Variance of the bias by the thermometer's offset and rest.
 
     The bias is differentiated by walking through the record once more, the temperature a little higher: every effect
     that uses it has its say.
@@ -359,7 +359,7 @@ def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndar
 
 
 def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool = False) -> np.ndarray:
-    """Change of the bias in each row when the temperature changes, shape (n,); NaN in rows that are passed over.
+    """Change of the bias when the temperature changes, (n,).
 
     A change `since_learning` was there before the first row: lags have settled to it.
     """
@@ -383,7 +383,7 @@ def _moved(model: Any, record: Record, change: np.ndarray, since_learning: bool 
 
 
 def _settled(state: Any, change: float) -> Any:
-    """State of an effect that follows the temperature, after this has been higher for long."""
+    """State of an effect after a long change of temperature."""
     if isinstance(state, LagState):
         return state._replace(temperature=state.temperature + change)
     if isinstance(state, DelayState):
@@ -401,7 +401,7 @@ def _rate(record: Record) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class RowErrors:
-    """Variances in the rows of one block, in the unit of the reading squared unless said, shape (n,) each."""
+    """Variances of a block's rows, (n,) each."""
 
     level: np.ndarray
     """The bias: what all rows of a record like the fitted one share."""
@@ -418,7 +418,7 @@ class RowErrors:
         return np.asarray(self.level + self.coefficients)
 
     def of_readings(self, noise: NoiseModel) -> np.ndarray:
-        """Variance of a corrected reading, or of one to come, noise included."""
+        """Variance of a corrected reading, or of a new one."""
         return np.asarray(self.bias + noise.variance * self.noise)
 
 
@@ -441,7 +441,7 @@ class ErrorWalk:
         """What columns are multiplied by: directions of their covariance, what all rows share, the best estimate."""
 
     def blocks(self, record: Record) -> Iterator[tuple[Block, np.ndarray, np.ndarray, RowErrors]]:
-        """Each block, contributions of all effects, the bias or the modelled reading, and its errors."""
+        """Blocks with contributions, bias or model, and errors."""
         model, joint = self.model, self.joint
         own, starts, states = model.features_.resume(record)
         walked: list[Walked] = []
@@ -464,7 +464,7 @@ class ErrorWalk:
             yield block, contributions, value, errors
 
     def errors(self, columns: np.ndarray, seconds: np.ndarray, value: np.ndarray) -> RowErrors:
-        """Errors of rows from their columns, shape (n, p), of the effects of the joint errors.
+        """Errors of rows, from their columns (n, p).
 
         `columns` (array of shape (n, p)). `seconds` (array of shape (n,)): Since the fitted record began [s]. `value`
         (array of shape (n,)): What the model gives.

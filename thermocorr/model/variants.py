@@ -1,4 +1,4 @@
-"""`compare_variants`: the paper's table, static/dynamic x linear/nonlinear, for any record."""
+"""`compare_variants`: the paper's table for any record."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _STATIC = {
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class VariantComparison:
-    """Result of `compare_variants`: figures, models and residuals; prints as the paper's table."""
+    """Figures, models and residuals; prints as the paper's table."""
 
     table: pd.DataFrame
     models: dict[str, DynamicBiasRegressor]
@@ -63,17 +63,17 @@ class VariantComparison:
 
     @property
     def best_(self) -> DynamicBiasRegressor | None:
-        """The fitted variant that is advised; None where no correction by temperature is."""
+        """The advised variant, fitted; None for none."""
         return self.models.get(self.advice.variant)
 
     @property
     def begun(self) -> str:
-        """Name of the variant that what is missing is looked for in: the advised one, or else the richest."""
+        """Name of the variant to look for missing effects in."""
         return self.starts[0]
 
     @property
     def starts(self) -> tuple[str, ...]:
-        """Names of the variants that a refinement may begin with: the advised one, and the richest."""
+        """Names of the variants to refine: advised, and richest."""
         return tuple(dict.fromkeys(name for name in (self.advice.variant, list(self.models)[-1]) if name))
 
     def frame(self) -> pd.DataFrame:
@@ -81,11 +81,11 @@ class VariantComparison:
         return self.table.copy()
 
     def scale(self) -> Scale:
-        """The unit in which the figures are printed; `frame` has them in that of the reading."""
+        """The unit of the printed figures."""
         return scale_of(self.table[[name for name in _TITLES if not name.endswith("_db")]], self.unit)
 
     def caption(self, unit: str = "") -> str:
-        """Meaning of the columns; `unit` is written as their unit, by default as in `scale`."""
+        """Meaning of the columns, in one line."""
         unit = printable(unit or self.scale().unit)
         figures = f" Figures in {unit}." if unit else ""
         return (
@@ -95,7 +95,7 @@ class VariantComparison:
         )
 
     def _not_smoothed(self) -> str:
-        """A sentence on the smoothed figures that there are none of; nothing where there are."""
+        """Sentence on smoothed figures that are missing, or ""."""
         whole, held_out = (self.table[name].isna().all() for name in ("std_smoothed", "held_out_std_smoothed"))
         if not held_out:
             return ""
@@ -104,7 +104,7 @@ class VariantComparison:
         return f" No smoothed figures{of}: {stretch}."
 
     def formatted(self) -> pd.DataFrame:
-        """The figures as text, four digits or a tenth of a decibel."""
+        """The figures as text, four digits or tenths of dB."""
         text, factor = pd.DataFrame(index=self.table.index), self.scale().factor
         for name, title in _TITLES.items():
             said = "{:.1f}".format if name.endswith("_db") else lambda value: number_text(factor * value, 4)
@@ -143,7 +143,7 @@ def compare_variants(
     progress: Progress = None,
     **options: Any,
 ) -> VariantComparison:
-    """Compare static and dynamic, linear and nonlinear corrections of one record: the paper's table.
+    """Compare static and dynamic, linear and nonlinear corrections.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def compare_variants(
 
 
 def variants_of(model: DynamicBiasRegressor, degree: int) -> dict[str, DynamicBiasRegressor]:
-    """Unfitted copies of a model, static and dynamic, linear and nonlinear, without products; the simplest first."""
+    """Unfitted static and dynamic variants of a model."""
     return {
         "static linear": clone(model).set_params(time_constants=(), degree=1, products=False),
         "static nonlinear": clone(model).set_params(time_constants=(), degree=degree, products=False),
@@ -251,7 +251,7 @@ def _tell(say: Callable[[str], None], name: str, text: str) -> None:
 
 
 class _Smoothing:
-    """Moving averages, eqs. (9) (26), that reach over no joint: neither of runs nor of held-out blocks.
+    """Moving averages, eqs. (9) (26), within runs and blocks.
 
     NaN where no piece is longer than half the window: their averages are all the same.
     """

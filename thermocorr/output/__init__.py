@@ -1,1 +1,1 @@
-"""Floor 4: what a person or program gets: pictures, pages, files."""
+"""What people and programs get: pictures, pages, files."""

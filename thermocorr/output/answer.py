@@ -1,4 +1,4 @@
-"""The answer to a record: which correction to use, what it is worth, and what is missing in it."""
+"""The answer to a record: correction, worth, what is missing."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _or_null(value: float) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Answer on a record, for terminal, JSON and page. Prints in at most 16 lines as wide as the terminal."""
+    """Answer on a record, in at most 16 lines."""
 
     diagnosis: Any = None
     """Diagnosis of the model; a refinement has its own."""
@@ -98,7 +98,7 @@ class Answer:
 
     @classmethod
     def of(cls, X: Any, y: Any, **known: Any) -> Answer:
-        """The answer to a record, the refined model among the corrections that are compared; `known`: the fields."""
+        """The answer, the refined model among the corrections."""
         answer = cls(**known)
         comparison, refined, advice = answer.comparison, answer.refinement, answer.advised
         if comparison is None or advice is None:
@@ -124,14 +124,14 @@ class Answer:
 
     @property
     def refined(self) -> bool:
-        """True if the refined model is the one to use; without a comparison, whether there is one."""
+        """True if the refined model is the one to use."""
         if self.refinement is None or not further_text(self.refinement):
             return False
         return self.advised is None or self.advised.choice == REFINED
 
     @property
     def choice(self) -> str:
-        """Choice as in `Advice.choice`: none, static, dynamic or refined; "" where there is none."""
+        """none, static, dynamic or refined; "" for unknown."""
         if self.advised is None:
             return REFINED if self.refined else ""
         return self.advised.choice
@@ -146,7 +146,7 @@ class Answer:
 
     @property
     def causes(self) -> tuple[Missing, ...]:
-        """Missing effects: those added, in order, then those not added, the most helpful first."""
+        """Missing effects, added ones first."""
         if self.refinement is None:
             return () if self.diagnosis is None else tuple(Missing(s, "missing") for s in self.diagnosis.causes)
         later = self.refinement.steps["later_rms"]
@@ -163,7 +163,7 @@ class Answer:
 
     @property
     def left(self) -> list[str]:
-        """Sentences on the unexplained residual, and on the detection limits of the record."""
+        """Sentences on the residual and the detection limits."""
         found = self.last
         return [self.unjudged] if found is None else left_sentences(found.left, self.scale(), found.verdict)
 
@@ -179,7 +179,7 @@ class Answer:
         return scale_of(sizes, str(printable(unit)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Answer as JSON: errors in the unit of the reading, on stretches predicted from all earlier data."""
+        """Answer as JSON, errors in the reading's unit."""
         advice, found = self.advised, self.last
         error: dict[str, Any] = {"before": None, "after": None, "longest": None, "after_range": None}
         errors: dict[Any, float] = {}
@@ -215,7 +215,7 @@ class Answer:
         return "\n".join(str(printable(line)) for line in self.lines())
 
     def lines(self) -> list[str]:
-        """The printed answer; what matters least is left out where there is no room."""
+        """The printed answer, shortened to its room."""
         parts = [
             (0, _wrapped(self.sentence())),
             (0, self._bars()),
@@ -251,7 +251,7 @@ class Answer:
         return lines
 
     def errors(self) -> dict[str, float]:
-        """Error on later data of no correction, of the best static, the best dynamic and the refined one, by name."""
+        """Error on later data of each kind of correction."""
         advice = self.advised
         if advice is None or advice.table.empty:
             return {}
@@ -299,7 +299,7 @@ class Answer:
         return [*_columns(rows), *([f"and {more} more: --json"] if more > 0 else [])]
 
     def _verdict(self) -> str:
-        """The verdict on the model that is kept, and what is left."""
+        """The verdict on the kept model, and the rest."""
         found = self.last
         if found is None:
             return self.unjudged
@@ -338,7 +338,7 @@ def _wrapped(text: str, most: int = 4) -> list[str]:
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table: names from the left, on several lines where they are long, all else from the right."""
+    """A table: names left, the rest right."""
     widths = [max(len(row[k]) for row in rows) for k in range(1, len(rows[0]))]
     room = page_width() - sum(widths) - len(GAP) * len(widths)
     names = [wrapped(row[0], max(room, 20)).split("\n") for row in rows]

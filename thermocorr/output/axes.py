@@ -1,4 +1,4 @@
-"""Axes of pictures: the base of displays, places to draw in, labels with units, ticks of time spans."""
+"""Axes of pictures: layout, labels with units, ticks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DRAWING = RLock()
 
 
 class Display:
-    """Base of displays in scikit-learn's style: `plot` sets ``ax_``, ``axes_`` and ``figure_`` of matplotlib."""
+    """Base of displays; `plot` sets ``ax_``, ``axes_``, ``figure_``."""
 
     alt: ClassVar[str] = "picture"
     """What a picture shows, for those who do not see it."""
@@ -36,7 +36,7 @@ class Display:
     """True if the panels stand one above the other, so that a page needs no engine to lay them out: half the time."""
 
     def grid(self) -> dict[str, Any]:
-        """Rows, columns and size [inch] of the picture, and what else `axes_grid` takes."""
+        """Rows, columns and size [inch], for `axes_grid`."""
         raise NotImplementedError
 
     def draw(self, axes: np.ndarray) -> None:
@@ -44,7 +44,7 @@ class Display:
         raise NotImplementedError
 
     def plot(self, ax: Any = None) -> Self:
-        """Draw in a new figure; or in `ax`: one Axes, whose place is divided, or as many as there are panels."""
+        """Draw in a new figure, in one Axes, or in several."""
         with pyplot().rc_context(STYLE):
             axes = axes_grid(ax, **self.grid())
             self.draw(axes)
@@ -53,7 +53,7 @@ class Display:
         return self
 
     def to_svg(self, width: float | None = None, height: float | None = None) -> str:
-        """The picture as an element ``<svg>`` in the colours of its page; `width` and `height` in pixels."""
+        """The picture as ``<svg>``; `width` and `height` in pixels."""
         pyplot()
         from matplotlib import rc_context
         from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ def axes_grid(
 
 
 def stack(axes: Sequence[Any], shares: Sequence[float]) -> None:
-    """Put panels one above the other, with room for their legends and the longest of their numbers."""
+    """Put panels one above the other, legends included."""
     wide, high = axes[0].figure.get_size_inches()
     longest = max(len(label.get_text()) for ax in axes for label in ax.yaxis.get_ticklabels())
     left, right, bottom = 0.4 + 0.07 * longest, 0.12, 0.5  # inch
@@ -127,13 +127,13 @@ def _legend_rows(ax: Any) -> int:
 
 
 def labelled(name: str, unit: str) -> str:
-    """``voltage [mV]``; without a unit the name alone. A unit at the end of the name is not said twice."""
+    """``voltage [mV]``; without a unit the name alone."""
     name = without_unit(name, unit)
     return printable(f"{name} [{unit_text(unit)}]" if unit else name)
 
 
 def label_values(axis: Any, name: str, unit: str) -> None:
-    """Label an axis of values, linear or logarithmic, with the unit that suits their size. Call it after drawing.
+    """Label an axis with a suitable unit, after drawing.
 
     ``residual [µV]`` for thousandths of a mV; a unit without prefixes gets a power of ten: ``residual [10⁻⁵ ppm]``.
     """
@@ -166,7 +166,7 @@ def label_values(axis: Any, name: str, unit: str) -> None:
 
 
 def _decade(value: float) -> str:
-    """0.01 to 1000 as they are, other powers of ten as such."""
+    """A decade in print: 0.01 to 1000, or a power of ten."""
     if 0.00999 < value < 9999:
         return f"{value:.3g}"
     power = int(np.floor(np.log10(value) + 1e-9))
@@ -175,7 +175,7 @@ def _decade(value: float) -> str:
 
 
 def legend_above(ax: Any, **options: Any) -> None:
-    """A legend in the free space above the axes, where it hides no data; none where there is no room for it."""
+    """A legend above the axes, where there is room."""
     if ax.figure.get_figheight() < SMALLEST:
         return
     handles, labels = ax.get_legend_handles_labels()
@@ -188,7 +188,7 @@ def legend_above(ax: Any, **options: Any) -> None:
 
 
 def log_time_axis(ax: Any, label: str, samples: bool = False) -> None:
-    """A logarithmic axis of times with ticks such as 10 s, 1 min, 1 h, 1 d. Call it after drawing.
+    """A logarithmic axis of times, after drawing.
 
     `samples` counts rows, where their times are not known.
     """

@@ -1,4 +1,4 @@
-"""Python values as JSON and back by their type hints, bit for bit, without ever running what a file says."""
+"""Values as JSON by their type hints; reading runs nothing."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ Codec = Callable[[Any, str], Any] | None
 
 
 class ModelFileError(ValueError):
-    """A model file is damaged, foreign or of another version, or a model cannot be written as one."""
+    """A model file is damaged or foreign, or cannot be written."""
 
     remedy = "Take an undamaged copy, or fit the model again and save it with thermocorr.save_model."
     """What to do about a file that cannot be loaded."""
 
 
 def unexpected(where: str, found: str, wanted: str = "") -> ModelFileError:
-    """The error for something in a file that does not belong there."""
+    """The error for something unexpected in a file."""
     return ModelFileError(f"{where} holds {found}{f' where {wanted} belongs' if wanted else ', which is unknown'}")
 
 
@@ -70,7 +70,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 @cache
 def hints_of(cls: type) -> dict[str, Any]:
-    """Fields of a dataclass that a file holds, and their hints: all but those that are not compared."""
+    """Fields of a dataclass that a file holds, with hints."""
     return {field.name: _hints(cls)[field.name] for field in fields_of(cls) if field.compare}
 
 
@@ -109,7 +109,7 @@ def write(hint: Any, value: Any, where: str, effect: Codec = None) -> Any:
 
 
 def read(hint: Any, node: Any, where: str, effect: Codec = None) -> Any:
-    """The value that `write` wrote under the same hint; ModelFileError for anything else."""
+    """The value that `write` wrote under the same hint."""
     if get_origin(hint) is Annotated:
         hint, *limits = get_args(hint)
         value = _read(hint, node, where, effect)
@@ -178,7 +178,7 @@ def _read(hint: Any, node: Any, where: str, effect: Codec) -> Any:
 
 
 def array(node: Any, where: str) -> np.ndarray:
-    """A list of floats, or of lists of as many floats each, as an array."""
+    """A list of floats, or of equally long lists, as an array."""
     rows = items(node, where)
     if rows and isinstance(rows[0], list):
         width = len(rows[0])
@@ -193,7 +193,7 @@ def array(node: Any, where: str) -> np.ndarray:
 
 
 def pack(value: Any, where: str, effect: Codec = None) -> Any:
-    """A value as JSON: numbers with all their digits, everything that JSON does not know under a ``$`` name.
+    """A value as JSON, special ones under a ``$`` name.
 
     `value` (object): None, bool, number, text, list, tuple, dict, numeric array, time span, date, or a state of the
     lags or a delay. `where` (str): What the value is, for the message. `effect` (callable, optional): Packs what is
@@ -235,7 +235,7 @@ def pack(value: Any, where: str, effect: Codec = None) -> Any:
 
 
 def _date_text(date: pd.Timestamp) -> str:
-    """A date as ISO 8601 has it: in UTC where its zone was off by seconds, as local mean times were."""
+    """A date in ISO 8601, odd zones in UTC."""
     offset = date.utcoffset()
     return (date if offset is None or offset.total_seconds() % 60 == 0 else date.tz_convert("UTC")).isoformat()
 
@@ -335,7 +335,7 @@ def items(value: Any, where: str, length: int | None = None) -> list[Any]:
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:
-    """Content of a file of moderate size; pipes and devices, which might never end, are refused.
+    """Content of a file of moderate size.
 
     Raises ModelFileError for what is no regular file, or too large. Raises OSError for what cannot be read.
     """
@@ -349,7 +349,7 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """A JSON object whose size is known before it is read; what it means is not asked."""
+    """A JSON object of known size."""
     for count, most, what in (
         (content.count(b"[") + content.count(b"{"), MOST_BRACKETS, "lists and objects"),
         (content.count(b","), MOST_VALUES, "values"),
@@ -364,7 +364,7 @@ def parse(content: bytes) -> dict[str, Any]:
 
 
 def render(node: Any, depth: int = 0) -> str:
-    """JSON for people: one line for each key, lists of plain values in one line."""
+    """JSON with one line per key."""
     pad = " " * (depth + 1)
     if isinstance(node, dict) and any(isinstance(value, dict | list) for value in node.values()):
         inside = [f"{pad}{json.dumps(key)}: {render(value, depth + 1)}" for key, value in node.items()]

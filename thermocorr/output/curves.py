@@ -1,4 +1,4 @@
-"""A model on a record as curves: row by row, and in cells that show every spike."""
+"""A model on a record as curves, and cells that keep spikes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Part(NamedTuple):
 
 
 class Curves:
-    """A model on a record: its time line, and its rows block by block.
+    """A model on a record, block by block, and its time line.
 
     `model` (DynamicBiasRegressor, or a fitted search with a ``best_estimator_``). `X`, `y` (as for
     `DynamicBiasRegressor.evaluate_blocks`; y may be left out). `uncertainty` (bool): With that of each reading. `keep`
@@ -84,7 +84,7 @@ class Curves:
         return distinct([effect.label() for effect in self.model.features_.effect_list()])
 
     def level(self, part: Part) -> np.ndarray:
-        """Level of the run of each row; zeros where runs have none of their own."""
+        """Level of each row's run; zeros for none."""
         for k, effect in enumerate(self.model.features_.effect_list()):
             if is_level(self.model, effect):
                 return part.contributions[:, k]
@@ -148,7 +148,7 @@ def regressor_of(model: Any) -> DynamicBiasRegressor:
 
 
 def without_times(fitted: DynamicBiasRegressor) -> bool:
-    """True if the rows of a model's record have no times, so that only their number is known."""
+    """True if only the rows' numbers are known."""
     return fitted.features_.history_.kind == "rows" and fitted.features_.sampling_period is None
 
 
@@ -160,7 +160,7 @@ def cells_of(
     span: tuple[float, float] | None = None,
     n_cells: int = N_CELLS,
 ) -> pd.DataFrame:
-    """Values that arrive in time order, part by part, in cells of time.
+    """Values in time order, gathered in cells of time.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def cells_of(
 def _cells(
     segment: int, seconds: np.ndarray, values: np.ndarray, timeline: TimeLine, span: tuple[float, float], n_cells: int
 ) -> tuple[np.ndarray, ...]:
-    """Cells of one part: segment, number, rows, sum of seconds; of each value how many are known, sum, extremes.
+    """Cells of one part: counts, sums and extremes.
 
     With no cells each row is one.
     """
@@ -230,7 +230,7 @@ def _cells(
 
 
 def means_of(cells: pd.DataFrame, name: str) -> pd.DataFrame:
-    """A value averaged over `MEANS` stretches, which shows what noise hides; as it is where there are few rows."""
+    """A value averaged over `MEANS` stretches, to see through noise."""
     each = max(-(-len(cells) // MEANS), -(-8 * len(cells) // max(int(cells["n"].sum()), 1)))
     kept = cells[np.isfinite(cells[name])]
     if each < 2 or not len(kept):
@@ -245,7 +245,7 @@ def means_of(cells: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def with_breaks(cells: pd.DataFrame, timeline: TimeLine) -> tuple[np.ndarray, pd.DataFrame]:
-    """Axis values and cells, with a row of NaN where a line must not be drawn: between segments and over gaps."""
+    """Axis values and cells, with NaN at breaks."""
     segment = cells["segment"].to_numpy()
     where = cells["seconds"].to_numpy() + timeline.shifts[segment]
     steps = np.diff(where)
@@ -257,7 +257,7 @@ def with_breaks(cells: pd.DataFrame, timeline: TimeLine) -> tuple[np.ndarray, pd
 
 
 def draw_rows(ax: Any, cells: pd.DataFrame, timeline: TimeLine, name: str, colour: str, label: str | None) -> None:
-    """Draw a value over time as dots; in cells of several rows, from the lowest to the highest one."""
+    """Draw rows as dots, cells as strokes."""
     known = cells[np.isfinite(cells[f"{name}_low"])]
     x = timeline.on_axis(known["seconds"].to_numpy() + timeline.shifts[known["segment"].to_numpy()])
     low, high = known[f"{name}_low"].to_numpy(), known[f"{name}_high"].to_numpy()

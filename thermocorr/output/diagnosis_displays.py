@@ -1,4 +1,4 @@
-"""Pictures of what was found: errors of corrections, suspects, places of failure, variants."""
+"""Pictures of findings: errors, suspects, places, variants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .words import aspect_text, each_row, ends_text, probability_text, wrapped
 
 @dataclass(eq=False)
 class WhereDisplay(Display):
-    """Conditions under which a model fails: one panel each, the worst first, one bar per interval.
+    """Conditions under which a model fails, a panel each.
 
     A bar is the interval's share of the error beyond the noise over its share of the samples: 1, dashed, where the
     error is as large as elsewhere. The worst interval is orange, with its share of the error.
@@ -37,12 +37,12 @@ class WhereDisplay(Display):
 
     @classmethod
     def from_diagnosis(cls, diagnosis: Any, X: Any = None) -> WhereDisplay:
-        """Create it from what `diagnose` found; `X`, the record, tells the units of its columns."""
+        """Create it from a diagnosis; `X` tells units."""
         units = {} if X is None else {str(name): unit_of(name, X) for name in getattr(X, "columns", ())}
         return cls(diagnosis.where, units)
 
     def frame(self) -> pd.DataFrame:
-        """`Diagnosis.where` with the aspect in words, as `condition`; the worst place first."""
+        """`Diagnosis.where` with the `condition` in words."""
         return self.where.assign(condition=[aspect_text(row) for row in each_row(self.where)])
 
     def _strips(self) -> list[pd.DataFrame]:
@@ -71,7 +71,7 @@ class WhereDisplay(Display):
             only.set_ylabel("error share /\nsample share")
 
     def _panel(self, ax: Any, strip: pd.DataFrame, highest: float) -> None:
-        """Bars of a condition's intervals, each as wide as the others; their ends are named."""
+        """Bars of a condition's intervals."""
         lift = strip["lift"].to_numpy(float)
         worst = int(np.argmax(strip["share"] - strip["n"] / strip["n"].sum()))
         colours = [ORANGE if i == worst else SKY for i in range(len(strip))]
@@ -99,7 +99,7 @@ class WhereDisplay(Display):
 
 @dataclass(eq=False)
 class ErrorsDisplay(Display):
-    """Rms error on later data without a correction, with the static and the dynamic one, and after each step.
+    """Rms error on later data of each correction and step.
 
     Each is the error on stretches of the record that are predicted from everything before them: one scale for all, and
     a line where the noise begins.
@@ -179,7 +179,7 @@ COLUMNS = ["label", "kind", "column", "standing", "gain_db", "later_db", "p_valu
 
 @dataclass(eq=False)
 class SuspectsDisplay(Display):
-    """Suspects ranked: fall of the error on later data, how sure it is, and what each cannot be told from."""
+    """Suspects, their worth, certainty and rivals."""
 
     alt: ClassVar[str] = "suspects and what each takes away"
     ranking: pd.DataFrame
@@ -193,7 +193,10 @@ class SuspectsDisplay(Display):
         return cls(diagnosis.ranking, diagnosis.verdict, diagnosis.best is not None, diagnosis.level)
 
     def frame(self) -> pd.DataFrame:
-        """Label, kind, column, standing, gain_db, later_db, p_value, share and confusable_with, the best first."""
+        """The first columns of `Diagnosis.ranking`.
+
+        Label, kind, column, standing, gain_db, later_db, p_value, share and confusable_with, the best first.
+        """
         return self.ranking.reindex(columns=COLUMNS)
 
     def grid(self) -> dict[str, Any]:
@@ -238,7 +241,7 @@ class SuspectsDisplay(Display):
 
 
 def plot_diagnosis(diagnosis: Any, X: Any = None) -> Any:
-    """Draw suspects above, places of failure below; returns the figure. `X`, the record, tells units of columns."""
+    """Draw suspects above places of failure; `X` tells units."""
     figure = _both(SuspectsDisplay.from_diagnosis(diagnosis), WhereDisplay.from_diagnosis(diagnosis, X))
     residual, floor = quantity_texts((diagnosis.residual_rms, diagnosis.noise_floor), diagnosis.unit)
     figure.suptitle(
@@ -250,7 +253,7 @@ def plot_diagnosis(diagnosis: Any, X: Any = None) -> Any:
 
 
 def plot_refinement(refinement: Any) -> Any:
-    """Draw the steps above, what is suspected after the last one below; returns the figure."""
+    """Draw the steps above the last suspects."""
     last = refinement.diagnoses[-1]
     return _both(ErrorsDisplay.from_refinement(refinement), SuspectsDisplay.from_diagnosis(last))
 
@@ -270,7 +273,7 @@ READING = "before correction"
 
 @dataclass(eq=False)
 class VariantsDisplay(Display):
-    """Reading before and after each variant's correction, over time and against temperature.
+    """Reading before and after each correction.
 
     The paper's figures 4 to 11 for any record: corrected readings less U0, smoothed by a moving average, eqs. (9)
     (26). All corrections have the same scale.
@@ -307,7 +310,7 @@ class VariantsDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers drawn, smoothed: one row per cell of time; every row of the record up to 2000 rows.
+        """The numbers drawn, smoothed, a row per cell.
 
         Columns time, segment, seconds, n; "before correction" (less its mean), the corrected reading of each variant
         (less U0) and the temperature, each with its extremes ``_low`` and ``_high`` in the cell.
@@ -315,7 +318,7 @@ class VariantsDisplay(Display):
         return self.cells.copy()
 
     def grid(self) -> dict[str, Any]:
-        """Rows, columns and size of the picture: over time, and against temperature."""
+        """Rows, columns and size of the picture."""
         rows = len(self.table)
         return {"rows": rows, "columns": 2, "size": (9.0, 1.6 * rows), "sharex": "col", "width_ratios": (3, 1.4)}
 
@@ -362,7 +365,7 @@ class VariantsDisplay(Display):
 
 
 def _parts(record: Record, comparison: VariantComparison) -> Any:
-    """Smoothed columns, segment by segment: the moving average does not reach over a joint."""
+    """Smoothed columns, segment by segment."""
     assert record.reading is not None
     reading = np.asarray(record.reading, float)
     columns = [reading - np.nanmean(reading), *comparison.residuals.to_numpy().T]

@@ -1,4 +1,4 @@
-"""Effects in a model file: what each kind has learned, checked value by value when it is read."""
+"""Effects in a model file, checked when read."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LEARNED: dict[str, Any] = {
 
 
 class ImportNotAllowedError(ModelFileError):
-    """A file needs an effect that its reader has not allowed to be imported."""
+    """A file needs an import that was not allowed."""
 
     remedy = "Without that, nothing of the file was run."
 
@@ -78,7 +78,7 @@ class EffectCodec:
         return node
 
     def unpack(self, node: Any, where: str) -> Effect:
-        """One effect; raises ModelFileError for what is not one, and for imports that are not allowed."""
+        """One effect; ModelFileError for anything else."""
         node = fields(node, where, ("kind", "parameters"), ("import", "learned"))
         cls = self._class_of(node, where)
         given = fields(node["parameters"], f"{where}.parameters", cls._get_param_names())
@@ -125,7 +125,7 @@ class EffectCodec:
 
 
 def import_path(cls: type, where: str) -> str:
-    """Import path of a class; ModelFileError for one that cannot be imported."""
+    """Import path of a class, or ModelFileError."""
     path = f"{cls.__module__}.{cls.__qualname__}"
     if getattr(sys.modules.get(cls.__module__), cls.__qualname__, None) is not cls:
         raise ModelFileError(
@@ -136,7 +136,7 @@ def import_path(cls: type, where: str) -> str:
 
 
 def _check_parameters(effect: Any, where: str) -> None:
-    """Checks of parameters that effects make only while they learn, or not at all."""
+    """Check parameters that effects check late."""
     if hasattr(effect, "column") and (effect.column is not None or None in effect.inputs()):
         read(Column, effect.column, f"{where}.column")
     for limited, unit in effect.info.parameters.items():
@@ -151,7 +151,7 @@ def _check_parameters(effect: Any, where: str) -> None:
 
 
 def check_state(effect: Any, state: Any, where: str) -> None:
-    """Refuse a state that the effect cannot go on from: its formula's words say what belongs there.
+    """Refuse a state that does not fit the effect.
 
     That of an effect with columns of its own is not looked at.
     """

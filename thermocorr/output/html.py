@@ -1,4 +1,4 @@
-"""Pieces of HTML: numbers with their every digit, templates.
+"""Pieces of HTML: numbers with all digits, templates.
 
 Column and file names are their writers', so all text is escaped here, and nowhere else: every expression of a template
 is, unless it is `Markup`.
@@ -51,14 +51,14 @@ def asset(name: str) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Text of a value in a page: invisible characters are written out."""
+    """Text of a value in a page."""
     return value if isinstance(value, Markup) else printable(value, "\n")
 
 
 def number(
     value: float, unit: str = "", digits: int = 4, shown: str | None = None, scale: Scale | None = None
 ) -> Markup:
-    """A number with its unit, in the prefix that suits it or that of `scale`; without a unit for a column that has one.
+    """A number with its unit, and all digits as attribute.
 
     Its every digit stands in the attribute ``value``, in the unit of the record, for who reads the page by machine.
     """

@@ -1,4 +1,4 @@
-"""Displays of contributions, inner temperatures, step response, spectrum and budget."""
+"""Displays of contributions, step response and spectrum."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .timeline import TimeLine, dress_time, name_runs
 
 @dataclass(eq=False)
 class ContributionsDisplay(Display):
-    """What each effect adds over time, the largest first, and how it answers a step of temperature.
+    """What each effect adds, and its step response.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class ContributionsDisplay(Display):
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any) -> ContributionsDisplay:
-        """Create it from a fitted model and a record of any length, in one pass and bounded memory.
+        """Create it from a fitted model and a record.
 
         Parameters
         ----------
@@ -86,14 +86,14 @@ class ContributionsDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers drawn: time, segment, seconds, n, and of each effect its mean, ``_low`` and ``_high``.
+        """The numbers drawn, a row per cell of time.
 
         One row per cell of time; every row of the record up to 2000 rows.
         """
         return self.cells.copy()
 
     def grid(self) -> dict[str, Any]:
-        """Rows, columns and size of the picture: effects that get a panel, and whether one answers a step."""
+        """Rows, columns and size of the picture."""
         shown = {"rows": min(len(self.rms), 8), "size": (9.0, 0.9 + 1.35 * min(len(self.rms), 8)), "sharex": "col"}
         return {**shown, "columns": 2, "width_ratios": (2.6, 1)} if self.responses.shape[1] > 1 else shown
 
@@ -113,7 +113,7 @@ class ContributionsDisplay(Display):
         axes[0, 0].figure.align_ylabels(axes[:, 0])
 
     def _answer(self, ax: Any, label: str, colour: str, last: bool) -> None:
-        """Answer of an effect to a step of temperature; empty for one that does not follow it."""
+        """Step response of an effect, if it has one."""
         time = self.responses["time"]
         ax.set_xlim(time.iloc[0], time.iloc[-1])
         if label in self.responses:
@@ -132,7 +132,7 @@ POINTS = 200
 
 @dataclass(eq=False)
 class StepResponseDisplay(Display):
-    """Bias after a step of temperature from the reference temperature, device at rest, over time.
+    """Bias after a step of temperature, device at rest.
 
     The band joins all coefficients' errors with their correlations: neighbouring lags err in opposite directions, and
     their sum is known far better than each of them.
@@ -182,7 +182,7 @@ class StepResponseDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """Time after the step [s], response of the bias, and its standard error, in the unit of the reading."""
+        """Time [s], response and standard error [unit of y]."""
         return self.response.copy()
 
     def grid(self) -> dict[str, Any]:
@@ -209,7 +209,7 @@ class StepResponseDisplay(Display):
 
 
 def _times(fitted: Any) -> np.ndarray:
-    """Times to look at [s]: from well before the first time constant to well after the last."""
+    """Times after the step, around all time constants [s]."""
     memories = np.array([e.memory() for e in fitted.features_.effect_list() if follows_temperature(e)])
     taus = np.concatenate((fitted.time_constants_, memories[memories > 0]))
     if not len(taus):
@@ -219,7 +219,7 @@ def _times(fitted: Any) -> np.ndarray:
 
 
 def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float) -> np.ndarray:
-    """Columns of the model after the step less those before it, shape (n, p); zeros for effects that do not follow.
+    """Columns after the step less those before, (n, p).
 
     The effects' own columns, on a record of the step: eqs. (3) (19) (25) stand where they stand.
     """
@@ -246,7 +246,7 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
 
 @dataclass(eq=False)
 class SpectrumDisplay(Display):
-    """Coefficient of each lag over its time constant, 95 % intervals of both, and the whole spectrum mu(tau) below.
+    """Coefficient of each lag, and the spectrum mu(tau).
 
     The spectrum is that of the search for time constants, over its whole pool. Grey is what the record could not have
     seen: coefficients below twice their standard error, were each the only lag and the residuals white.
@@ -291,7 +291,7 @@ class SpectrumDisplay(Display):
         return cls(lags, spectrum, str(lag["unit"].iloc[0]), without_times(fitted))
 
     def frame(self) -> pd.DataFrame:
-        """The lags: time_constant [s], its 95 % interval low to high, coefficient and standard_error.
+        """The lags, with intervals and standard errors.
 
         The spectrum is the attribute `spectrum`: time_constant, coefficient, excitation, smallest_coefficient,
         alike_next, see `thermocorr.model.search.spectrum_table`; None for given time constants.
@@ -335,11 +335,11 @@ class SpectrumDisplay(Display):
             label_values(axes[1, 0].yaxis, "spectrum μ(τ)", self.unit)
 
     def _vague(self) -> np.ndarray:
-        """Time constants that the record does not determine; none where this was not asked."""
+        """Time constants that the record leaves open."""
         return np.asarray(self.lags["high"] > UNDETERMINED * self.lags["low"])
 
     def _spans(self) -> np.ndarray:
-        """Distances to both ends of the intervals of the time constants, shape (2, J); NaN where none is drawn."""
+        """Distances to the intervals' ends, (2, J)."""
         lags = self.lags
         spans = np.vstack((lags["time_constant"] - lags["low"], lags["high"] - lags["time_constant"]))
         spans[:, self._vague()] = np.nan
@@ -358,7 +358,7 @@ class SpectrumDisplay(Display):
 
 
 def _known(model: Any, fitted: Any) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
-    """Intervals of the time constants and the spectrum, as far as somebody has searched for them."""
+    """Known intervals, and the spectrum."""
     if hasattr(model, "spectrum_"):
         return model.time_constants_, model.spectrum_
     if fitted.search_ is None or fitted.search_.spectrum is None:

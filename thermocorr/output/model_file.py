@@ -1,4 +1,4 @@
-"""A fitted model as a JSON file: every digit, no pickle, nothing that runs when it is read.
+"""A fitted model as a JSON file: all digits, no pickle.
 
 What `predict`, `correct`, `flags`, rows that follow on the fitted record and `OnlineCorrector` need is in it, and where
 it all came from. Reading checks a digest first, then every value by its type hint, then that the parts belong together;
@@ -61,7 +61,7 @@ class LaterVersionError(ModelFileError):
 
 @dataclass(frozen=True)
 class WiderNode:
-    """An effect that stands for one of the model with more time constants, in its errors."""
+    """An effect with more time constants, in the errors."""
 
     place: Counted
     effect: Effect
@@ -150,7 +150,7 @@ def content_of(model: DynamicBiasRegressor) -> bytes:
 
 
 def signed(content: dict[str, Any]) -> bytes:
-    """A model file: its first line holds the digest of the bytes behind it."""
+    """A model file; its first line holds the digest."""
     body = (render(content) + "\n").removeprefix("{\n").encode("ascii")
     digest = hashlib.sha256(body).hexdigest()
     return f'{{"format": "{FORMAT}", "version": {VERSION}, "digest": "sha256:{digest}",\n'.encode("ascii") + body
@@ -183,7 +183,7 @@ def _model_node(model: DynamicBiasRegressor, errors: JointErrors | None) -> Mode
 
 
 def _provenance(model: DynamicBiasRegressor) -> dict[str, Any]:
-    """Provenance of the model: packages, and the record that it was fitted to."""
+    """Packages, and the fitted record."""
     if hasattr(model, "provenance_"):
         known: dict[str, Any] = model.provenance_
         return known
@@ -208,7 +208,7 @@ def _provenance(model: DynamicBiasRegressor) -> dict[str, Any]:
 
 
 def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -> DynamicBiasRegressor:
-    """Read a model that `save` wrote: it predicts, corrects, flags and continues bit for bit as the one saved.
+    """Read a model that `save` wrote, equal bit for bit.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def _model_of(content: bytes, codec: EffectCodec) -> DynamicBiasRegressor:
 
 
 def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
-    """The fitted model; whatever error shows that parts do not belong together."""
+    """The fitted model; errors show parts that disagree."""
     where = "$.model"
     parameters = dict(node.parameters)
     parameters["temperature"] = Thermometer.given(parameters["temperature"])
@@ -326,7 +326,7 @@ def _require(right: bool, wrong: str) -> None:
 
 
 def _require_columns(features: DiffusiveFeatures, names: list[str] | None, where: str) -> None:
-    """Refuse names of X without the columns that the model needs, and another temperature than that of the fit."""
+    """Refuse names of X that the model cannot use."""
     fitted, layout = features.history_.record.temperature_name, features.layout()
     needed = [*features.history_.record.columns, *(each for each in (layout.time, layout.run) if each is not None)]
     found = features.thermometers().ambient
@@ -368,7 +368,7 @@ def _checked(history: History, effects: Sequence[Effect], where: str) -> History
 
 
 def _errors(node: Any, wider: list[WiderNode], own: Sequence[Effect], history: History) -> JointErrors:
-    """The errors of a model, with effects and states in place of those that are wider than the model's own."""
+    """The errors of a model, wider effects included."""
     effects, ends = list(own), [list(states) for states in history.end_states]
     for each in wider:
         effect, place = each.effect, each.place

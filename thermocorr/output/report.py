@@ -1,4 +1,4 @@
-"""The report: one HTML page without a script that needs no network, its pictures those of the displays."""
+"""The report: one HTML page, no script, pictures of the displays."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def write_report(
     command: str = "",
     force: bool = False,
 ) -> Path:
-    """Write one self-contained HTML page without a script, of at most a few MB for a record of any length.
+    """Write a self-contained HTML page of a few MB.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def write_report(
 
 
 def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> str:
-    """The page that `write_report` writes; `model` is the one that is kept."""
+    """The page of `write_report`; `model` is the kept one."""
     found, facts = answer.last, Facts.of(model, X, y)
     allan = AllanDisplay.from_estimator(model, X, y)
     below = [facts.temperature]
@@ -160,7 +160,7 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
 
 
 def picture(display: Display, height: float | None = None) -> Markup:
-    """A display as it stands in a page; with a `height` [pixels], another one for a telephone."""
+    """A display in a page, twice with a `height` [pixels]."""
     try:
         if height is None:
             return Markup(display.to_svg())
@@ -192,7 +192,7 @@ def _errors(answer: Answer, model: DynamicBiasRegressor) -> Markup | str:
 
 
 def _where(found: Any, X: Any) -> dict[str, Any]:
-    """Where the model fails: the worst place, a picture, and all places."""
+    """The worst place, a picture, and all places."""
     rows = list(each_row(found.where))
     return {
         "worst": rows[0] if rows and rows[0].share > 0 else None,
@@ -209,7 +209,7 @@ def _suspects(found: Any, facts: Facts) -> list[tuple[Any, str]]:
 
 
 def _cure(found: Any) -> dict[str, Any]:
-    """The effect ready to be added, and the measurement that would confirm it or part rivals."""
+    """The effect to add, and measurements to confirm it."""
     rivals = () if found.best is None else (found.best, *found.suspects[0].confusable_with)
     checks = {effect.kind: effect for effect in reversed(rivals) if effect.info is not None}
     return {"code": "" if found.best is None else repr(found.best), "checks": list(reversed(checks.values()))}
@@ -221,7 +221,7 @@ def _shortened(equation: str) -> str:
 
 
 def digits_down_to(error: float, value: float) -> int:
-    """Digits of a value, down to the second one of its error; six at least, and no more than a number has."""
+    """Digits of a value, down to its error's second."""
     if not (0 < error < np.inf and 0 < abs(value) < np.inf):
         return FEWEST_DIGITS
     return int(np.clip(np.floor(np.log10(abs(value))) - np.floor(np.log10(error)) + 2, FEWEST_DIGITS, MOST_DIGITS))
@@ -235,7 +235,7 @@ def _steps(refinement: Any) -> dict[str, Any]:
 
 
 def _variants(comparison: VariantComparison) -> dict[str, Any]:
-    """Static and dynamic, linear and nonlinear: on the fitted record, then on data that the fits did not see."""
+    """Variants on the fitted record, then on unseen data."""
     names, scale = comparison.formatted().columns, comparison.scale()
     figures = comparison.frame().iloc[:, : len(names)]  # without those of the noise, which have other units
     tables = []
@@ -307,7 +307,7 @@ class Facts(NamedTuple):
         )
 
     def left_behind(self, model: DynamicBiasRegressor) -> str:
-        """A sentence where the mean of the corrected readings is none that was read, unasked; else ""."""
+        """Warning where the corrected mean lies outside all readings."""
         corrected, readings = self.corrected, self.readings
         low, high = model.reading_.temperature_range
         inside = low <= model.reference_temperature_ <= high
@@ -340,7 +340,7 @@ def _remarks(model: DynamicBiasRegressor, record: Any, flags: dict[str, int], cu
 
 
 def _uncertainties(model: Any) -> list[tuple[str, float]]:
-    """Typical uncertainty of a corrected reading of the fitted record, by source; empty where nobody knows."""
+    """Typical uncertainty of a corrected reading, by source."""
     if not model._knows_noise:
         return []
     joint = model._joint_errors()
@@ -361,13 +361,13 @@ def versions() -> list[tuple[str, str]]:
 
 
 class Page:
-    """What can be shown as a page, or in short in a notebook."""
+    """Results that show as a page, or in a notebook."""
 
     def _answer(self, **known: Any) -> Answer:
         raise NotImplementedError
 
     def to_html(self, *, source: str = "", command: str = "") -> str:
-        """One self-contained HTML page that needs no network; `source` and `command` are named at its end."""
+        """One self-contained HTML page."""
         answer = self._answer(source=source, command=command)
         if answer.last.record is None:
             raise ValueError(f"This {type(self).__name__.lower()} holds no record to draw. Make it anew, from X and y.")
@@ -375,7 +375,7 @@ class Page:
         return report_text(model, X, y, answer)
 
     def save_html(self, path: str | PathLike[str], *, source: str = "", command: str = "", force: bool = False) -> None:
-        """Write `to_html` to a file; OutputError for one that is there already, unless forced."""
+        """Write `to_html` to a file; OutputError for an existing one."""
         write_file(path, self.to_html(source=source, command=command), force=force)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of what a model leaves: over time, over any condition, and in averages."""
+"""Pictures of residuals: over time, conditions, averages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COLOURS_BELOW = (PURPLE, GREEN, ORANGE, SKY)
 
 @dataclass(eq=False)
 class ResidualsDisplay(Display):
-    """Readings as dots and the model as a line on them; below, what the model leaves, and recorded columns.
+    """Readings and model over time, the residual below.
 
     Make it with `from_estimator`. Of more than 2000 rows, each of 1000 cells of time has a stroke from its lowest to
     its highest value, so that no spike is hidden. The dark line in the residual is its mean over short stretches.
@@ -135,7 +135,7 @@ class ResidualsDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers drawn: one row per cell of time, every row of the record up to 2000 rows.
+        """The numbers drawn, a row per cell of time.
 
         Columns time (dates, else seconds since the first row), segment, seconds, n (rows in the cell), and of each of
         measured, modelled, residual, corrected, left out, low and high (of the band), and ``column <name>``, its mean
@@ -212,7 +212,7 @@ BINS, POINTS = 60, 2000
 
 @dataclass(eq=False)
 class AgainstDisplay(Display):
-    """What a model leaves, over anything: a mean that leaves zero is a law that the model does not have.
+    """Residual over a condition; its mean shows a missing law.
 
     Attributes
     ----------
@@ -260,7 +260,7 @@ class AgainstDisplay(Display):
         return cls(points, bins.reset_index(drop=True), name, unit, curves.model.reading_.unit, range)
 
     def frame(self) -> pd.DataFrame:
-        """One row per range of the condition: center, mean residual, its error, n."""
+        """One row per range: center, mean, error, n."""
         return self.bins.copy()
 
     def grid(self) -> dict[str, Any]:
@@ -296,7 +296,7 @@ def conditions(curves: Curves) -> dict[str, tuple[str, str]]:
 
 
 def condition(curves: Curves, against: Any) -> tuple[np.ndarray, str, str]:
-    """Values of a condition in all rows, in time order, its name and its unit."""
+    """Values of a condition, its name and unit."""
     model, known, labels = curves.model, conditions(curves), curves.labels()
     if against == curves.record.temperature_name:
         values = np.concatenate([part.temperature for part in curves.parts()])
@@ -324,7 +324,7 @@ def _condition(curves: Curves, name: str) -> np.ndarray:
 
 
 def added_noise(model: Any, X: Any, y: Any) -> str:
-    """A sentence on the averaging times at which a correction adds noise, and the column that does it; "" for none.
+    """Sentence on averaging times at which a correction adds noise.
 
     `model` (DynamicBiasRegressor): Fitted; or a search with a ``best_estimator_``. `X`, `y` (as for
     `DynamicBiasRegressor.evaluate`): A frame or an array.
@@ -345,7 +345,7 @@ def added_noise(model: Any, X: Any, y: Any) -> str:
 
 
 def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
-    """Sentence of `added_noise` from an existing display; no column is named for a log in a file."""
+    """`added_noise` from an existing display."""
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
@@ -371,7 +371,7 @@ def _times(seconds: float, display: AllanDisplay) -> str:
 
 
 def _loudest(model: Any, X: Any, n_rows: float) -> str:
-    """Name of the column whose contribution has the largest Allan deviation at an averaging time [rows]."""
+    """Name of the noisiest contribution at an averaging time."""
     record = Curves(model, X).record
     longest = record.longest()
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
@@ -390,7 +390,7 @@ LOOKED_AT = 1 << 14
 
 @dataclass(eq=False)
 class AllanDisplay(Display):
-    """Overlapping Allan deviation of the reading before and after correction, with confidence bands.
+    """Allan deviation before and after correction, with bands.
 
     The dashed line is what white noise alone would give, from the corrected reading's shortest averaging time. Where a
     curve leaves it, longer averaging no longer helps. Irregular times are averaged into regular cells, gaps are left
@@ -449,7 +449,10 @@ class AllanDisplay(Display):
         )
 
     def frame(self) -> pd.DataFrame:
-        """One row per averaging time [s]: deviation, low, high, degrees of freedom and noise exponent, of both."""
+        """One row per averaging time [s], before and after.
+
+        Deviation, low, high, degrees of freedom and noise exponent, of both.
+        """
         frames = [
             pd.DataFrame(vars(found)).set_index("averaging_times").add_suffix(f"_{name}")
             for name, found in (("before", self.before), ("after", self.after))
@@ -484,7 +487,7 @@ class AllanDisplay(Display):
 
 
 def cell_length(record: Record) -> float:
-    """The sampling step [s]; where steps differ much, one that nine in ten of them do not exceed."""
+    """The sampling step [s], or one that nine in ten keep."""
     longest = record.longest()
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
     steps = record.times.steps(rows)[1:]

@@ -1,4 +1,4 @@
-"""Results in files: corrected log and model out."""
+"""Corrected log and model in files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_corrected(outputs: Outputs, folder: Path, log: pd.DataFrame, evaluated
 
 
 def write_csv(file: BinaryIO, log: pd.DataFrame, evaluated: pd.DataFrame, header: bool = True) -> None:
-    """Write a log with its times, then what `evaluated` has, with all the digits that tell numbers apart.
+    """Write a log, then the columns of `evaluated`.
 
     Times are dates of ISO 8601, or seconds; a range, of a log without times, is not written.
     """
@@ -48,7 +48,7 @@ def write_csv(file: BinaryIO, log: pd.DataFrame, evaluated: pd.DataFrame, header
 
 
 def new_names(names: Sequence[str], taken: Collection[str]) -> list[str]:
-    """Names for columns beside others: those that are taken get an ending, twice where that is taken too.
+    """Names for new columns, with an ending where taken.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def _free(name: str, taken: Collection[str]) -> str:
 
 
 def result_columns(columns: Collection[object]) -> list[str]:
-    """Columns of a log that an earlier result has put behind those of the instruments; empty for other logs.
+    """Columns that an earlier result added to a log.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def result_columns(columns: Collection[object]) -> list[str]:
 
 
 def write_model(outputs: Outputs, folder: Path, model: DynamicBiasRegressor) -> list[Path]:
-    """Write the fitted model: model.json for `thermocorr.load_model` and `thermocorr correct`, model.txt to read."""
+    """Write model.json, and model.txt to read."""
     paths = [folder / "model.json", folder / "model.txt"]
     table = model.coef_table().to_string()
     notes = "\n".join(f"Note: {note}" for note in model.notes_)

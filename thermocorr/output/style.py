@@ -1,4 +1,4 @@
-"""One palette and one style for pictures, pages and the screen, light and dark; pictures as SVG."""
+"""One palette and one style, light and dark; SVG."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ STYLE: dict[Any, Any] = {
 
 
 def css() -> str:
-    """The palette as variables of a style sheet, for a light and for a dark ground."""
+    """The palette as variables of a style sheet."""
     light, dark = ("".join(f"--{name}:{both[k]};" for name, both in PALETTE.items()) for k in (0, 1))
     return (
         f":root{{color-scheme:light dark;{light}}}\n"
@@ -73,7 +73,7 @@ def css() -> str:
 
 
 def svg_of(figure: Any, label: str) -> str:
-    """A figure of matplotlib as one element ``<svg>`` in the colours of the page that it stands in.
+    """A figure as ``<svg>`` in the colours of its page.
 
     No style, script or address is in it, and coordinates have one decimal. Equal figures give equal text.
     """
@@ -98,7 +98,7 @@ def svg_of(figure: Any, label: str) -> str:
 
 
 def _attributes(style: str) -> str:
-    """A style as attributes, which pages allow that allow no style; colours by their names in the palette."""
+    """A style as attributes, colours by name."""
     names = {both[0]: f"var(--{name})" for name, both in PALETTE.items()}
     said = []
     for part in filter(None, map(str.strip, style.split(";"))):

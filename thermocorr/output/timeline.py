@@ -76,7 +76,7 @@ class TimeLine:
         )
 
     def times(self, seconds: np.ndarray) -> Any:
-        """Dates where the record has them, else seconds since the first row [s], or numbers of rows."""
+        """Dates, seconds since the first row, or row numbers."""
         if not self.dates:
             return seconds
         nanoseconds = int(self.first) + np.round(np.asarray(seconds) * 1e9).astype("i8")
@@ -85,7 +85,7 @@ class TimeLine:
 
     @property
     def zero(self) -> float:
-        """Origin of times as numbers: the first row since 1970 for dates, else 0 [s]."""
+        """Origin of times as numbers [s]."""
         return self.first / 1e9 if self.dates else 0.0
 
     def interval(self, low: float, high: float) -> tuple[float, float]:
@@ -97,7 +97,7 @@ class TimeLine:
         return float(first), float(last)
 
     def on_axis(self, places: np.ndarray) -> np.ndarray:
-        """Positions for matplotlib: days for dates, else the unit of the axis."""
+        """Positions for matplotlib: days, or the axis unit."""
         if self._shows_dates:
             from matplotlib import dates
 
@@ -121,7 +121,7 @@ class TimeLine:
         return f"{what} [{span_unit(self.span)}]"
 
     def dress(self, axis: Any) -> None:
-        """Give an axis of matplotlib its ticks; its label is left to the caller."""
+        """Give an axis of matplotlib its ticks."""
         if self._shows_dates:
             from matplotlib import dates
 
@@ -139,7 +139,7 @@ class TimeLine:
             )
 
     def joints(self, most: int = 12) -> list[tuple[float, str]]:
-        """Starts of the segments after the first, with the names of their runs; none where there are too many."""
+        """Starts of later segments, with names of runs."""
         if not 1 < len(self.starts) <= most:
             return []
         return [
@@ -165,7 +165,7 @@ WORSE = 1.5
 
 
 def stretches(diagnosis: Any, timeline: TimeLine) -> list[tuple[float, float]]:
-    """Places on the axis of the stretches of time in which a model fails [s]; neighbours are joined.
+    """Stretches of time in which a model fails [s].
 
     None where the diagnosis finds nothing missing, or where runs overlap in time, so that a time has several places.
     """
@@ -184,7 +184,7 @@ def stretches(diagnosis: Any, timeline: TimeLine) -> list[tuple[float, float]]:
 
 
 def dress_time(ax: Any, timeline: TimeLine, labels: bool = True) -> None:
-    """Ticks and label of a time axis, and thin lines where segments begin."""
+    """Ticks, label and joints of a time axis."""
     timeline.dress(ax.xaxis)
     if labels:
         ax.set_xlabel(timeline.label())

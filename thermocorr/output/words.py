@@ -1,4 +1,4 @@
-"""Words that pictures and pages have in common."""
+"""Words that terminal, pictures and pages share."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MANY_MOMENTS = 6
 
 
 def page_width() -> int:
-    """Letters of a printed line: as wide as the terminal is, from 60 to 120; 100 where there is none."""
+    """Letters of a printed line, from 60 to 120."""
     return min(max(shutil.get_terminal_size((100, 24)).columns, 60), 120)
 
 
@@ -41,7 +41,7 @@ def each_row(table: pd.DataFrame) -> Iterator[Any]:
 
 
 def aspect_text(row: Any) -> str:
-    """Name of a condition: ``lag difference, 10.3 h [K]``, or the name of a column."""
+    """Name of a condition, or of a column."""
     if row.aspect == "column" or (row.aspect == "temperature" and isinstance(row.column, str)):
         return printable(row.column)
     if row.aspect == "lag difference":
@@ -54,7 +54,7 @@ def aspect_text(row: Any) -> str:
 
 
 def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
-    """Low and high end of a place; dates of a record of more than `span` seconds are shortened for a picture."""
+    """Low and high end of a place, for a picture."""
     if row.unit == "date":
         low, high = (pd.Timestamp(value, unit="s").round("s") for value in (row.low, row.high))
         if span:
@@ -72,7 +72,7 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
 
 
 def interval_text(row: Any) -> str:
-    """``20.1 to 22.4``, two dates, ``1`` for a state of a switch."""
+    """``20.1 to 22.4``, two dates, or ``1`` for a state."""
     low, high = ends_text(row)
     if row.aspect == "column" and row.low == row.high:
         return low
@@ -85,12 +85,12 @@ def place_text(row: Any) -> str:
 
 
 def effect_text(effect: Any) -> str:
-    """Kind and column of an effect, without its parameters: ``lagged covariate: humidity``."""
+    """Kind and column of an effect: ``lagged covariate: humidity``."""
     return str(effect.kind).replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """A number as a person writes it: 0.1040, 6.199 times 10⁻⁵, a real minus."""
+    """A number in print: 0.1040, a power of ten, a real minus."""
     if not np.isfinite(value):
         return "\u2013" if np.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value != 0 and not 1e-3 <= abs(value) < 10 ** max(digits + 2, 6):
@@ -101,7 +101,7 @@ def plain(value: float, digits: int = 4) -> str:
 
 
 def parameters_text(effect: Any, start: float | None, degrees: str) -> str:
-    """Parameters that have a unit, in words; moments of a record that begins at `start` [s since 1970] as dates.
+    """Parameters with a unit, in words.
 
     `degrees` (str): Unit of the temperature.
     """
@@ -132,13 +132,13 @@ def probability_text(p: float) -> str:
 
 
 def better_text(suspect: Any) -> str:
-    """In how many later stretches a suspect lowers the error: "5 of 6"; "-" where none are later."""
+    """Stretches that a suspect improves: "5 of 6"; "-" for none."""
     falls = suspect.each
     return f"{sum(fall > 0 for fall in falls)} of {len(falls)}" if falls else UNKNOWN
 
 
 def wrapped(name: str, width: int, lines: int = 3) -> str:
-    """A name in at most so many lines of so many letters, broken at blanks, behind marks such as _ . / - or anywhere.
+    """A name in a few lines of limited width.
 
     Examples
     --------
@@ -184,7 +184,7 @@ def suspect_sentence(suspect: Any) -> str:
 
 
 def worth_text(suspect: Any) -> str:
-    """By how much it lowers the error of averages that the model was not learned from."""
+    """How far a suspect lowers the error of averages."""
     blocks = f"{suspect.gain_db:.2f} dB on held-out blocks"
     if not np.isfinite(suspect.later_db):
         return f"too late in the record to be judged on later data, lowers the error of averages by {blocks}"
@@ -197,13 +197,13 @@ def matters_text(readings: int) -> str:
 
 
 def size_text(suspect: Any, scale: Scale) -> str:
-    """Size of a named suspect, and from which averaging on it matters."""
+    """Size of a suspect, and the averaging that shows it."""
     size = f"{scale.text(suspect.size, 2)} rms, " if np.isfinite(suspect.size) else ""
     return f"{size}{matters_text(suspect.matters_from)}"
 
 
 def small_sentence(found: Any) -> str:
-    """Sentence on effects that are proven and not confirmed; empty without such effects."""
+    """Sentence on proven, unconfirmed effects, or ""."""
     if not found.small:
         return ""
     largest = sorted(found.small, key=lambda suspect: -suspect.size)
@@ -214,14 +214,14 @@ def small_sentence(found: Any) -> str:
 
 
 def moment_texts(low: Any, high: Any) -> list[str]:
-    """Two dates to the second, or two times since the record began."""
+    """Two dates, or two times since the start."""
     if isinstance(low, pd.Timestamp):
         return [str(moment.round("s")) for moment in (low, high)]
     return span_texts((low, high))
 
 
 def when_text(suspect: Any) -> str:
-    """Within which limits the record knows a suspect's moments: a sentence, or nothing where it has none."""
+    """When a suspect happened: a sentence, or ""."""
     spans = [f"between {' and '.join(moment_texts(low, high))}" for low, high in suspect.when]
     if not spans:
         return ""
@@ -245,7 +245,7 @@ _TO_LOG = (
 
 
 def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
-    """Sentences on the unexplained residual, on what to log next, and on the detection limits of this record.
+    """Sentences on the residual and the record's limits.
 
     `scale` has the unit of every size, in the letters or in the signs of print.
     """
@@ -317,7 +317,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
 
 
 def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
-    """Sentences on thermometer errors, where these explain all low-frequency noise, and on their effect on the gain."""
+    """Sentences on thermometer errors and the gain."""
     said = []
     for row in each_row(left.thermometers):
         sizes = {"noise": (row.noise, row.noise_from), "steps": (row.resolution, row.resolution_from)}
@@ -345,12 +345,12 @@ def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
 
 
 def share_of_samples(row: Any) -> float:
-    """Share of the samples that lie in a row of `Diagnosis.where`; NaN where none of the error is beyond the noise."""
+    """Share of the samples in a row of `Diagnosis.where`."""
     return float(row.share / row.lift) if row.lift else np.nan
 
 
 def further_text(refinement: Any) -> str:
-    """The effects of the model that a refinement ends with; empty where nothing was added."""
+    """The effects that a refinement added, or ""."""
     if len(refinement.steps) < 2:
         return ""
     return ", ".join(effect_text(effect) for _, effect in as_effects(refinement.model_.effects)) or "further lags"

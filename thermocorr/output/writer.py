@@ -1,4 +1,4 @@
-"""The one writer of every output: a draft beside each file, which takes its place when it is whole."""
+"""The one writer of files: a draft, then a rename."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ Name = str | PathLike[str]
 
 
 class OutputError(OSError, RecordError):
-    """A file cannot be written, or must not be; what stood there before stands there still."""
+    """A file cannot be written; the old one stays.
+
+    It exists already, is an input, or the system refuses.
+    """
 
 
 class Outputs:
-    """Output files of one command. Each is a draft until all are written; then they are renamed, one after the other.
+    """Output files of one command, written together.
 
     Whatever goes wrong before, nothing has changed; the file that is written last, a model, says that all are there.
 
@@ -55,7 +58,7 @@ class Outputs:
             self.discard()
 
     def claim(self, path: Name) -> Path:
-        """Say early that a file will be written: its folder is made, and all reasons against it are raised now.
+        """Announce a file: reasons against it are raised now.
 
         Raises OutputError for an input or another output under whatever name, a file that is there (unless forced), a
         folder in its place, a place that cannot be written to.
@@ -96,7 +99,7 @@ class Outputs:
             file.write(content.encode("utf-8") if isinstance(content, str) else content)
 
     def commit(self) -> None:
-        """Bring all drafts to the disk, then let them take their places in the order in which they were opened."""
+        """Bring all drafts to disk, then rename them in order."""
         try:
             for file, target in self._drafts:
                 with _said(self._claimed[target]):
@@ -121,7 +124,7 @@ class Outputs:
 
 
 def write_file(path: Name, content: str | bytes, *, inputs: Iterable[Name] = (), force: bool = False) -> Path:
-    """Write one file as a whole, see `Outputs`; whatever goes wrong, the one that was there before stays."""
+    """Write one whole file; the old one stays on errors."""
     with Outputs(inputs, force) as outputs:
         outputs.write(path, content)
     return Path(path)

@@ -1,4 +1,4 @@
-"""Floor 1: logs as programs write them, read into frames."""
+"""Logs as programs write them, as frames."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def read_log(
 
 
 def read_logs(paths: Sequence[str | Path], said: Options, form: Form | None = None) -> pd.DataFrame:
-    """Read files with some options; one alone by `form`, where it is written so. See `read_log`."""
+    """Read files with options; see `read_log`."""
     tables = [read_one(path, said, form) for path in paths]
     if len(tables) == 1:
         return tables[0]

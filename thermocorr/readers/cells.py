@@ -1,4 +1,4 @@
-"""What a user may say of a log's file."""
+"""Cells of a table, and the user's options."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEPARATORS = {",": ",", ";": ";", "\t": "\t", "|": "|", " ": " ", "comma": ",", 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What is said of a file; None, or nothing, where the file tells it. See `read_log`."""
+    """What the user says of a file; see `read_log`."""
 
     sep: str | None = None
     decimal: str | None = None
@@ -88,7 +88,7 @@ _SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "'": "", "\u2019": "", "\u
 
 
 def is_typed(cell: str, decimal: str) -> bool:
-    """True if a cell is a number, with a unit behind it or not, or a time."""
+    """True if a cell is a number or a time."""
     return bool(re.fullmatch(NUMBER[decimal] + r"(?: ?[°%\w/²³µμ℃Ω]{1,6})?", cell) or MOMENT.fullmatch(cell))
 
 
@@ -111,12 +111,12 @@ def is_number(column: pd.Series) -> bool:
 
 
 def varies(column: pd.Series) -> bool:
-    """True if a column has more than one value; most show that in their first rows."""
+    """True if a column has more than one value."""
     return column.head(1000).nunique() > 1 or column.nunique() > 1
 
 
 def as_numbers(column: pd.Series, decimal: str, unit: str | None = None) -> tuple[pd.Series, str] | None:
-    """Text as numbers, NaN for other cells, and the unit behind them; None where too few cells are.
+    """Text as numbers, and their unit; None for other text.
 
     Signs between thousands, exponents after D and a unit behind every number are ways of writing. `unit` (str,
     optional): What is behind them, if that is known: then nothing is asked, and None is for no number at all. Raises
@@ -170,18 +170,18 @@ def _spread(n: int) -> np.ndarray:
 
 
 def _likely(cells: pd.Series) -> pd.Series:
-    """Mask of cells that begin as numbers do and are not times."""
+    """Mask of cells that may be numbers."""
     text = cells.astype(str).str.strip()
     return text.str.match(rf"{_SIGN}[.,]?\d") & ~text.str.fullmatch(MOMENT)
 
 
 def says_something(cells: pd.Series) -> pd.Series:
-    """Mask of cells that are neither empty nor words for no value."""
+    """Mask of cells that hold a value."""
     return cells.notna() & ~cells.astype(str).str.strip().str.lower().isin(SAID_EMPTY)
 
 
 def refuse_thousands(values: pd.Series, name: str) -> None:
-    """Raise RecordError for 998, 999, 1.000, 1.001: whole thousands that were read as fractions."""
+    """Raise RecordError for thousands read as fractions."""
     size = np.abs(values.to_numpy(float))
     few = size[:1000]
     if not np.nanmax(size, initial=0.0) >= 100 or (few[(few >= 100) & np.isfinite(few)] % 1).any():

@@ -1,4 +1,4 @@
-"""Times as loggers write them: dates, times of day, counts of days and seconds, in one column or in several."""
+"""Times as loggers write them."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Clock:
         return pd.DatetimeIndex([], tz="UTC" if zoned else None, name="time")
 
     def times(self, frame: pd.DataFrame) -> pd.Index:
-        """Dates as they are written, or seconds; NaT or NaN where a cell is not written so."""
+        """Dates, or seconds; NaT or NaN for other cells."""
         times = self._whole(frame)
         if isinstance(times, pd.DatetimeIndex) and len(times):  # a year of another age is damaged
             first, last = times.min().year, times.max().year
@@ -171,7 +171,7 @@ class Clock:
         return reduce(lambda text, more: text + " " + more, cells)
 
     def in_zone(self, times: pd.Index, last: pd.Timestamp | None = None) -> pd.Index:
-        """Local times in `zone` as UTC: of an hour that clocks show twice, as the rows go on evenly.
+        """Local times in `zone` as UTC.
 
         `last` (Timestamp, optional): The time before the first of them. Raises RecordError for times that no clock
         showed, and for hours that may be the first or the second.
@@ -202,7 +202,7 @@ class Clock:
 
 
 def _as_text(column: pd.Series, digits: int = 0) -> pd.Series:
-    """Cells as text; whole numbers without a point, a time of day as wide as its format."""
+    """Cells as text; a time of day at full width."""
     if not is_number(column):
         return column.astype(str).str.strip()
     text = (column.astype("Int64") if (column.dropna() % 1 == 0).all() else column).astype("string")
@@ -210,7 +210,7 @@ def _as_text(column: pd.Series, digits: int = 0) -> pd.Series:
 
 
 def _in_english(text: pd.Series) -> pd.Series:
-    """Dates and times of day in the letters, points and blanks that formats are written with."""
+    """Dates in English letters and plain signs."""
     seen = " ".join(text.dropna().head(50)).lower()
     for here, pattern, put in (
         (r"\d[ap]\.? ?m|[ap]\. ?m| [ap] m", r" ?([AaPp])\.? ?[Mm]\.?$", r" \1m"),
@@ -231,7 +231,7 @@ def _month(found: re.Match[str]) -> str:
 
 
 def _formats(cell: str) -> list[str]:
-    """Formats of `strptime` that a date, a time of day, or both, may be written in."""
+    """Formats of `strptime` for a date, a time, or both."""
     for shape, forms in (*_DATES, ("", ("",))):
         date = re.match(shape, cell)
         rest = cell[date.end() :] if date else ""
@@ -248,7 +248,7 @@ def _formats(cell: str) -> list[str]:
 
 
 def one_date(text: str) -> pd.Timestamp | None:
-    """A date that a user writes, in any form that logs have; None for what has none of them, such as ISO 8601.
+    """A date as a user writes it; None for none.
 
     Raises RecordError for a date that has two readings, and one that there is not.
 
@@ -286,7 +286,7 @@ def _steps(times: pd.Index) -> np.ndarray:
 
 
 def unwrapped(times: pd.Index, clock: Clock, last: float | None = None) -> pd.Index:
-    """Times of day without a date that go on behind midnight, after a `last` one [s]."""
+    """Times of day that go on past midnight [s]."""
     if isinstance(times, pd.DatetimeIndex) or clock.format == "seconds" or np.nanmax(times, initial=0.0) >= 86_400:
         return times
     values = as_seconds(times)
@@ -297,7 +297,7 @@ def unwrapped(times: pd.Index, clock: Clock, last: float | None = None) -> pd.In
 
 
 def refuse_two_hours(times: pd.Index) -> None:
-    """Raise RecordError for local times that go on an hour earlier: sorting would mix the hours."""
+    """Raise RecordError for local times that repeat an hour."""
     steps = np.diff(as_seconds(times))
     back = np.flatnonzero(steps < 0)
     local = isinstance(times, pd.DatetimeIndex) and times.tz is None
@@ -309,7 +309,7 @@ def refuse_two_hours(times: pd.Index) -> None:
 
 
 def find_clock(frame: pd.DataFrame, units: dict[str, str], said: Options) -> Clock | None:
-    """The times: of all ways to read all columns the one that fits all rows, and rises most evenly.
+    """The best clock: it fits all rows and rises most evenly.
 
     None where no column has times. Raises RecordError where two ways are left.
     """
@@ -346,13 +346,13 @@ def _counts(column: pd.Series) -> bool:
 
 
 def _is_even(column: pd.Series) -> bool:
-    """True if numbers rise in even steps, and do not count the rows."""
+    """True if numbers rise evenly and do not count rows."""
     steps = np.diff(column.to_numpy(float))
     return len(steps) > 0 and steps[0] > 0 and steps[0] != 1 and bool((steps == steps[0]).all())
 
 
 def _texts(frame: pd.DataFrame, columns: list[str], lower: dict[str, str], said: Options) -> list[list[str]]:
-    """Columns of dates and times of day as text or whole numbers, and such that make dates together."""
+    """Columns of dates and times as text."""
     stamps, dates, clocks, half = list[str](), list[str](), list[str](), list[str]()
     for name in columns:
         cells = frame[name].dropna().head(100)
@@ -384,13 +384,13 @@ def _texts(frame: pd.DataFrame, columns: list[str], lower: dict[str, str], said:
 
 
 def _first_moment(cells: pd.Series) -> str:
-    """The first cell that is a date or a time; the first of all where none is."""
+    """The first cell that is a date or time."""
     moments = cells[cells.str.fullmatch(MOMENT, na=False)]
     return str(moments.iloc[0] if len(moments) else cells.iloc[0])
 
 
 def _of_text(frame: pd.DataFrame, columns: list[str], said: Options) -> list[Clock]:
-    """Ways to read a column of text, or several joined, that fit most of a sample of its cells."""
+    """Ways to read text columns as times."""
     typed = frame[columns[0]].dtype.kind in "mM" or isinstance(frame[columns[0]].dtype, pd.DatetimeTZDtype)
     if typed and len(columns) == 1:
         return [Clock(list(columns), "iso" if frame[columns[0]].dtype.kind == "M" else "dates")]
@@ -412,7 +412,7 @@ def _of_text(frame: pd.DataFrame, columns: list[str], said: Options) -> list[Clo
 
 
 def _of_numbers(frame: pd.DataFrame, name: str, unit: str, said: Options) -> list[Clock]:
-    """Ways to read a column of numbers as times: days or seconds since a day, digits of a date, or seconds."""
+    """Ways to read a column of numbers as times."""
     values, base = frame[name].dropna(), Clock([name])
     low, high = values.quantile([0.1, 0.9]).tolist()  # a damaged row decides nothing
     if said.time_format == "seconds":
@@ -447,13 +447,13 @@ def _of_numbers(frame: pd.DataFrame, name: str, unit: str, said: Options) -> lis
 
 
 def _span(name: str, unit: str) -> float | None:
-    """The unit of a column of times [s], by its unit or the last word of its name; None for none that is known."""
+    """The unit of a column of times [s], or None."""
     words = [word for word in re.split(r"[^a-zµ]+", name.lower()) if word]
     return SPANS.get(unit.lower(), SPANS.get(words[-1]) if words else None)
 
 
 def _rising(frame: pd.DataFrame, clocks: list[Clock]) -> tuple[Clock, float]:
-    """The one way to read a column that fits most cells, steps back least, and has no gap that another has not.
+    """The one clock that fits best and goes back least.
 
     Returns it and the share of its steps that are the usual one, less that of steps back.
     """
@@ -488,7 +488,7 @@ def _rising(frame: pd.DataFrame, clocks: list[Clock]) -> tuple[Clock, float]:
 
 
 def _with_fraction(frame: pd.DataFrame, clock: Clock) -> Clock:
-    """The clock, with the column of parts of a second that times of whole seconds need, if there is one."""
+    """The clock, with its column of fractions if there is one."""
     name = next(
         (n for n in map(str, frame) if FRACTIONS.fullmatch(n) and n not in clock.columns and is_number(frame[n])), None
     )
@@ -504,7 +504,7 @@ def _with_fraction(frame: pd.DataFrame, clock: Clock) -> Clock:
 
 
 def zone_in_name(column: str) -> str:
-    """The offset from UTC that the name of a column of times gives, as ``+08:00``; "" for none.
+    """The UTC offset in a column's name: ``+08:00``, or "".
 
     Examples
     --------

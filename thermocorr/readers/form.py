@@ -1,4 +1,4 @@
-"""How a log is written: all that is needed to read more lines of it."""
+"""How a log is written, to read more of it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ JSON = "{"
 
 
 def header_of(line: str) -> str:
-    """The beginning of a line of names: files of models hold no text of any length."""
+    """The beginning of a header line."""
     return line.strip()[:5000]
 
 
 @dataclass
 class Form:
-    """How a log is written. Made of plain values: a model keeps it, and reads later lines by it."""
+    """How a log is written, in plain values."""
 
     encoding: str = "utf-8"
     separator: str = ","
@@ -60,7 +60,7 @@ class Form:
     clock: Clock | None = None
 
     def cells(self, text: str, line: int, skip: bool, most: float = 0.5) -> tuple[pd.DataFrame, list[str]]:
-        """Whole lines as a frame of numbers and text, whose index has the numbers of the lines, and notes.
+        """Whole lines as a frame, and notes.
 
         `line` (int): Number of the first of them in the file. `skip` (bool): Leave out damaged lines. `most`
         (float): Share of lines that may be none. Raises RecordError for the first such line, and for too many.
@@ -86,7 +86,7 @@ class Form:
         return self._parsed(content).set_axis(pd.Index(numbers)), notes
 
     def _parsed(self, content: bytes) -> pd.DataFrame:
-        """Rows as a frame; a single column of local dates of ISO 8601 as dates, where all its cells are."""
+        """Rows as a frame, single columns of dates parsed."""
         first = content[: content.find(b"\n")].decode()
         given: dict[str, Any] = {
             "sep": r"\s+" if self.separator == " " else self.separator, "decimal": self.decimal, "header": None,
@@ -111,7 +111,7 @@ class Form:
         return table
 
     def _is_plain(self, text: str, content: bytes) -> bool:
-        """True if all lines are of the width of a row, and none is a comment or has quotes."""
+        """True if all lines are plain rows of one width."""
         comments = any(mark[0] in text and f"\n{mark}" in text for mark in COMMENTS) or text.startswith(COMMENTS)
         if self.separator == " " or len(self.names) < 2 or '"' in text or comments:
             return False
@@ -120,12 +120,12 @@ class Form:
         return marks == row * (len(marks) // len(row))
 
     def _has_other_lines(self, frame: pd.DataFrame, text: str) -> bool:
-        """True if among lines of one width some are empty, or the header again, which makes its columns text."""
+        """True if some lines are empty or repeat the header."""
         words = any(dtype.kind not in "biufmM" for dtype in frame.dtypes)
         return (words and bool(self.header) and self.header in text) or bool(frame.isna().all(axis=1).any())
 
     def _rows(self, text: str, line: int, skip: bool, most: float) -> tuple[bytes, list[str], list[int]]:
-        """The lines that are rows, notes on others, and the numbers of the rows' lines."""
+        """Lines that are rows, notes, and their numbers."""
         lines, kept, bad, wanted = text.split("\n")[:-1], list[int](), [], len(self.names)
         blanks = self.separator + " \t"
         for k, one in enumerate(lines):
@@ -160,7 +160,7 @@ class Form:
         return content, [f"{times_word(len(bad), 'line')} left out, no rows, the first is {found}"], numbers
 
     def later(self, text: str, line: int) -> tuple[pd.DataFrame, list[str]]:
-        """Later lines, all of them, indexed by their times; what is no row, number or time is left out and noted.
+        """Later lines, indexed by their times; faults are noted.
 
         Raises RecordError for a header of other columns.
         """
@@ -187,7 +187,7 @@ class Form:
         return frame[self.columns].set_axis(index)[kept], notes
 
     def place(self, number: object) -> str:
-        """A row of a log in words: its line, where the log is a text."""
+        """A row in words: its line, for a text."""
         return f"line {number}" if self.names or self.separator == JSON else f"row {number}"
 
     def is_header(self, line: str) -> bool:
@@ -195,7 +195,7 @@ class Form:
         return bool(self.header) and header_of(line) == self.header
 
     def is_sound(self) -> bool:
-        """True if its parts belong together; those of a file that somebody forged may not."""
+        """True if its parts belong together; a forged file's may not."""
         clock, known = self.clock, set(self.names)
         try:
             codecs.lookup(self.encoding)
@@ -217,7 +217,7 @@ class Form:
         )
 
     def refuse_header(self, rows: pd.DataFrame) -> None:
-        """Raise RecordError for rows that are a header of other columns: what stands below it may be anything."""
+        """Raise RecordError for the header of another table."""
         for row in rows.to_numpy():
             cells = [str(cell).strip() for cell in row]
             if set(self.names) & set(cells):

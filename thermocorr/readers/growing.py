@@ -1,4 +1,4 @@
-"""Later lines of a log, in the form of its first."""
+"""Later lines, and logs larger than memory."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Growing:
         self._rest, self._begun = "", False
 
     def feed(self, new: bytes) -> tuple[pd.DataFrame | None, list[str]]:
-        """The rows that these bytes complete, indexed by their times, and notes; None if no row is complete.
+        """The rows that these bytes complete, and notes; or None.
 
         Raises RecordError for a log in another form, and for a header of other columns.
         """
@@ -65,12 +65,12 @@ class Growing:
         return self._rows(text) if text.strip() else (None, [])
 
     def end(self) -> None:
-        """Raise RecordError for a log that has ended before its rows began."""
+        """Raise RecordError for a log that ends too early."""
         if not self._begun and "\n" in self._rest and self._rest.strip():
             self._begin(self._rest, last=True)
 
     def header(self) -> pd.DataFrame | None:
-        """The log's columns without rows, as soon as they are known; None before."""
+        """An empty frame of the log's columns; None before they are known."""
         if not self._begun or self.form is None:
             return None
         index = pd.RangeIndex(0) if self.form.clock is None else self.form.clock.no_times()
@@ -147,7 +147,7 @@ class Growing:
         return (frame if len(frame) else None), notes
 
     def _times(self, times: pd.Index, clock: Clock) -> pd.Index:
-        """Times that follow on those before: dates in UTC where they have a zone, or spans."""
+        """Times that continue those before."""
         if isinstance(times, pd.DatetimeIndex):
             last = self.last if isinstance(self.last, pd.Timestamp) else None
             return (clock.in_zone(times, last) if times.tz is None else times.tz_convert("UTC")).rename("time")
@@ -160,7 +160,7 @@ _INDEX = object()
 
 
 def gathered(frames: Iterator[pd.DataFrame]) -> pd.DataFrame:
-    """Parts of a log, one below the other, as a frame whose columns are mapped from temporary files.
+    """Parts of a log as one frame, mapped from temporary files.
 
     Numbers, switches and dates are kept in double precision and 64 bits; the files are gone when the frame is.
     Raises RecordError for parts with other columns, and for columns of any other kind.
@@ -210,7 +210,7 @@ def _numbers(name: Any, column: pd.Series) -> np.ndarray:
 
 
 def _mapped(file: IO[bytes], like: pd.Series) -> Any:
-    """The content of a file as an array of the kind of a column."""
+    """A file's content as an array, mapped."""
     file.flush()
     values = np.memmap(file, np.float64 if like.dtype.kind in "biuf" else np.int64, "r")
     if like.dtype.kind == "m":

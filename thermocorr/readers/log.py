@@ -1,4 +1,4 @@
-"""Logs in files: read, with their times, units and what was found out."""
+"""Logs in files: times, units and notes included."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TOTALS = r"average|mean|total|sum|summe|max|min|maximum|minimum|mittelwert|std|
 
 
 def read_one(path: str | Path, said: Options, form: Form | None = None) -> pd.DataFrame:
-    """Read one file; by `form`, where the file is written so. See `read_log`."""
+    """Read one file, by `form` where it fits; see `read_log`."""
     path = existing_file(path)
     with _named(path):
         if path.suffix.lower() in FRAMES:
@@ -81,7 +81,7 @@ def _of_pandas(path: Path, said: Options) -> pd.DataFrame:
 
 
 def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -> pd.DataFrame:
-    """Read a text: by a `form`, where it is written so, else by what it shows. RecordError where it is no log."""
+    """Read a text; RecordError where it is no log."""
     known = form is not None and start_of(text, form) is not None
     text = text[6:] if text[:4].lower() == "sep=" and text[5:6] == "\n" and not known else text
     text, cut = _whole_lines(text)
@@ -97,7 +97,7 @@ def of_text(text: str, encoding: str, said: Options, form: Form | None = None) -
 
 
 def _form_of(text: str, encoding: str, said: Options) -> Form:
-    """How the rows of a text are written. Raises RecordError where nothing makes rows of its lines."""
+    """How the rows of a text are written; RecordError without rows."""
     if not text or text.isspace():
         raise RecordError("The file is empty: a header line with the columns' names is needed, then a line per sample.")
     head = text[:HEAD]
@@ -119,7 +119,7 @@ def _form_of(text: str, encoding: str, said: Options) -> Form:
 
 
 def _described(form: Form, above: int, said: Options) -> list[str]:
-    """Notes on how a text differs from plain CSV with a header; `above` (int): Lines above its first row."""
+    """Notes on a text that is no plain CSV."""
     preamble = above - form.below if form.header else 0
     headless = not form.header and not said.names and not form.templates
     found = {
@@ -133,7 +133,7 @@ def _described(form: Form, above: int, said: Options) -> list[str]:
 
 
 def _whole_lines(text: str) -> tuple[str, list[str]]:
-    """The text without a last line that has no end: a number in it may have been cut."""
+    """The text without a last line that may be cut."""
     end = text.rfind("\n") + 1
     if end == len(text) or not text[end:].strip() or end == 0 or text.lstrip().startswith("[{"):
         return text, []
@@ -141,7 +141,7 @@ def _whole_lines(text: str) -> tuple[str, list[str]]:
 
 
 def start_of(text: str, form: Form) -> int | None:
-    """Where the first row of a text begins, if it is written in this form; None if it is not."""
+    """Position of the first row in this form, or None."""
     if form.separator == JSON:
         return 0 if text[:HEAD].lstrip().startswith(("{", "[{")) else None
     if form.templates:
@@ -164,7 +164,7 @@ def begin_of(k: int, lines: list[str]) -> int:
 
 
 def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], known: bool = False) -> pd.DataFrame:
-    """Columns of numbers, times as the index, a column for each quantity; `known`: the form tells how."""
+    """Columns of numbers, indexed by their times."""
     notes, words = list(notes), dict[str, str]()
     if not known:
         frame = _without_totals(frame, notes)
@@ -195,7 +195,7 @@ def _finished(frame: pd.DataFrame, form: Form, said: Options, notes: list[str], 
 
 
 def timed(frame: pd.DataFrame, said: Options) -> pd.DataFrame:
-    """A log that was read, with the times of the column that is said as its index."""
+    """A log indexed by the times of a named column."""
     form, notes = frame.attrs.get("form") or Form(), list(frame.attrs["notes"])
     found = find_clock(frame, form.units, said)
     form = replace(form, clock=found)
@@ -206,7 +206,7 @@ def timed(frame: pd.DataFrame, said: Options) -> pd.DataFrame:
 
 
 def _indexed(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -> pd.DataFrame:
-    """The frame with its times as the index, in place of their columns."""
+    """The frame indexed by its times."""
     frame, index = _with_times(frame, form, said, notes)
     if form.clock is None:
         notes.append("no column of times found")
@@ -229,7 +229,7 @@ def _without_totals(frame: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
 def _make_numbers(
     frame: pd.DataFrame, name: str, form: Form, said: Options, notes: list[str], words: dict[str, str], known: bool
 ) -> None:
-    """Make a column one of numbers, where all its cells are, or say no value; note the words of others."""
+    """Turn a column into numbers where possible; note other words."""
     column = frame[name]
     if column.dtype.kind in "mMb" or isinstance(column.dtype, pd.DatetimeTZDtype):
         return
@@ -256,7 +256,7 @@ def _make_numbers(
 
 
 def _with_times(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -> tuple[pd.DataFrame, pd.Index]:
-    """The rows that have times, and these: dates, in UTC where there is a zone, or time since a start."""
+    """Rows with times, and these: dates, or time since a start."""
     clock = form.clock
     if clock is None:
         if said.time is not None:
@@ -290,7 +290,7 @@ def _with_times(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]
 
 
 def _in_utc(times: pd.DatetimeIndex, clock: Clock, said: Options, notes: list[str]) -> pd.Index:
-    """Dates in UTC, where they have a zone, or one is said."""
+    """Dates in UTC, where they have a zone or one is given."""
     if times.tz is not None:
         notes += [f"times have a zone of their own: {option('timezone')} is not used"] if said.timezone else []
         return times.tz_convert("UTC")
@@ -307,7 +307,7 @@ def _in_utc(times: pd.DatetimeIndex, clock: Clock, said: Options, notes: list[st
 
 
 def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFrame:
-    """The rows sorted by time, the first of those with one time; of runs each by itself."""
+    """Rows sorted by time, the first of equals, per run."""
     run = said.run or run_among(list(map(str, frame)))
     if run not in frame:
         refuse_two_hours(frame.index)
@@ -324,7 +324,7 @@ def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFr
 
 
 def _long(frame: pd.DataFrame, said: Options) -> list[str]:
-    """The columns of names and values of a log with one value a line: few columns, the same names again and again."""
+    """Columns of names and values, in a log of one value a line."""
     texts = [name for name in map(str, frame) if frame[name].dtype.kind not in "mMb" and not is_number(frame[name])]
     texts = [n for n in texts if not MOMENT.fullmatch(str(next(iter(frame[n].dropna()), "")).strip()) and n != said.run]
     if not texts:
@@ -338,7 +338,7 @@ def _long(frame: pd.DataFrame, said: Options) -> list[str]:
 
 
 def _widened(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -> pd.DataFrame:
-    """A column for each name, all on the times of the reading, or of the one with most values.
+    """A column for each name, on the reading's times.
 
     Between two of its values a column is a straight line; next to a cell that is not a number it has no value.
     """
@@ -364,13 +364,13 @@ def _widened(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -
 
 
 def on_times(values: pd.Series, index: pd.Index) -> np.ndarray:
-    """Values at other times: straight lines between neighbours, NaN before the first and behind the last."""
+    """Values at other times, interpolated; NaN outside."""
     lines = np.interp(as_seconds(index), as_seconds(values.index), values.to_numpy(float), left=np.nan, right=np.nan)
     return np.where(index.isin(values.index), values.reindex(index), lines)
 
 
 def joined(tables: list[pd.DataFrame], paths: list[str], said: Options) -> pd.DataFrame:
-    """Files of one stretch of time: the rows of the one with the reading, and of the others their columns there.
+    """Files of one stretch of time, on the reading's rows.
 
     A column is a straight line between two of its values, and has none before the first and behind the last.
     """
@@ -402,7 +402,7 @@ def joined(tables: list[pd.DataFrame], paths: list[str], said: Options) -> pd.Da
 
 
 def _with_reading(tables: list[pd.DataFrame], said: Options) -> int:
-    """Which of several files has the reading: as said, by a name, or as the one with a single column."""
+    """The number of the file that holds the reading."""
     numbers = [[str(name) for name in table if is_number(table[name])] for table in tables]
     for has in (
         [said.reading in table.columns for table in tables],
@@ -416,7 +416,7 @@ def _with_reading(tables: list[pd.DataFrame], said: Options) -> int:
 
 
 def as_runs(tables: list[pd.DataFrame], paths: list[str], said: Options) -> pd.DataFrame:
-    """Files with the same columns: one log, where each begins within a few steps of another's end, else a run each."""
+    """Files of the same columns: one log, or a run each."""
     first = tables[0]
     for path, table in zip(paths, tables, strict=True):
         for name in first.columns:
@@ -454,7 +454,7 @@ def _of_several(frame: pd.DataFrame, tables: list[pd.DataFrame], form: Form | No
 
 
 def refuse_other_clocks(tables: list[pd.DataFrame], paths: list[str]) -> None:
-    """Refuse files of which one has dates and another times since a start, or only some a zone."""
+    """Refuse files whose times cannot be compared."""
     kinds = []
     for table in tables:
         dates = isinstance(table.index, pd.DatetimeIndex)

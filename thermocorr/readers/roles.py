@@ -1,4 +1,4 @@
-"""What a log's columns are (temperature, reading, run): by units, by names, and by what is left."""
+"""What a log's columns are, by unit, name and values."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FEWEST = 10
 
 
 class Roles(NamedTuple):
-    """Columns of a log by what they are; None for what a person must say."""
+    """Columns of a log by role; None where unknown."""
 
     temperature: str | None
     reading: str | None
@@ -52,11 +52,11 @@ class Roles(NamedTuple):
     """Role that was told from more than a name -> how."""
 
     def sentence(self) -> str:
-        """The columns that neither a user named nor a name told, in words: "'weight' as the reading, the only ..."."""
+        """Sentence on roles that were guessed."""
         return ", ".join(f"{quoted(getattr(self, role))} as the {role} ({why})" for role, why in self.why.items())
 
     def ask(self, columns: Sequence[Any], timed: bool) -> None:
-        """Raise RecordError where a role could not be told, or a log has no times: for all of them at once."""
+        """Raise RecordError for what a person must say."""
         unknown = [*(() if timed else ("time",)), *(r for r in ("temperature", "reading") if getattr(self, r) is None)]
         if not unknown:
             return
@@ -77,7 +77,7 @@ def guess(
     reference: str | None = None,
     run: str | None = None,
 ) -> Roles:
-    """Guess the roles of a log's columns; what the user says stays.
+    """Guess the roles of a log's columns.
 
     `frame` (DataFrame): As `read_log` gives it. `temperature`, `reading`, `reference`, `run` (str, optional): What the
     user says; a reference, which the reading is compared with, is never guessed. Raises RecordError where the
@@ -164,7 +164,7 @@ def called_readings(names: Sequence[str]) -> list[str]:
 
 
 def is_counter(column: pd.Series[Any]) -> bool:
-    """True if a column counts the rows, whatever it is called: whole numbers, nearly each one more than the last."""
+    """True if a column counts the rows."""
     if kind_of(column) != "number" or len(column) < FEWEST:
         return False
     values = column.to_numpy(float)
@@ -172,25 +172,25 @@ def is_counter(column: pd.Series[Any]) -> bool:
 
 
 def _is_surrounding(name: str) -> bool:
-    """True if a name is one of what is recorded with a reading."""
+    """True if a name is of what surrounds a measurement."""
     return bool(SURROUNDINGS.search(name) or SPREADS.search(name.replace("_", " ")))
 
 
 def _closest(frame: pd.DataFrame, names: Sequence[str], reference: str) -> str:
-    """The column that differs least from the reference: it measures the same."""
+    """The column that differs least from the reference."""
     true = _values(frame[reference])
     return min(names, key=lambda name: float(np.nanmedian(np.abs(_values(frame[name]) - true))))
 
 
 def _moving(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
-    """Of several thermometers those that move: no set points, whose few levels stand while others change."""
+    """Thermometers that move; set points do not."""
     moved = {name: float(np.sum(np.abs(np.diff(_values(frame[name]))) > 0)) for name in names}
     # Share of the steps of the liveliest thermometer in which another one moves, at most, if it is a set point
     return [name for name in names if moved[name] > 0.1 * max(moved.values(), default=0.0)] or list(names)
 
 
 def _leading(frame: pd.DataFrame, names: Sequence[str]) -> str:
-    """Of several thermometers the one whose changes the others follow: heat reaches it first.
+    """The thermometer that the others follow.
 
     Two are compared by the change over k rows of one against that over the k rows behind it of the other, and the other
     way round, where k (1, 2, 4, ...) tells them apart most.
@@ -209,7 +209,7 @@ def _leading(frame: pd.DataFrame, names: Sequence[str]) -> str:
 
 
 def _lead(x: np.ndarray, y: np.ndarray) -> float:
-    """Lead of x over y, from -1 to 1; positive where x leads."""
+    """Lead of x over y, from -1 to 1."""
     most, k = 0.0, 1
     while 8 * k <= len(x):
         dx, dy = x[k:] - x[:-k], y[k:] - y[:-k]
@@ -221,7 +221,7 @@ def _lead(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def _plain(name: str) -> str:
-    """A name without the number of its column, which one that stands there several times has."""
+    """A name without the number of its copy."""
     return re.sub(r" \(column \d+\)$", "", name)
 
 

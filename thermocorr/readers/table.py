@@ -1,4 +1,4 @@
-"""The table in a text: its separator and decimal sign, its first row, and the names above it."""
+"""The table in a text: separator, decimal sign, first row, names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HEAD = 400_000
 
 
 def find_table(text: str, said: Options) -> Form | None:
-    """The separator and the decimal sign under which most lines are rows, as most of their cells are typed.
+    """Separator and decimal sign under which most cells are typed.
 
     The later half of the first lines is asked: there is no preamble there. None where nothing separates.
     """
@@ -47,11 +47,11 @@ def find_table(text: str, said: Options) -> Form | None:
 
 
 def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options) -> Form:
-    """The form with its first row, the names above it, and the units between them."""
+    """The form with first row, names and units."""
     width, separator = len(form.names), form.separator
 
     def typed(k: int) -> float:
-        """Share of the cells of a line that are typed as those of rows are; 0 if the first of them is not."""
+        """Share of a line's cells typed as rows are."""
         cells = split(lines[k], separator)
         some = [cells[j] for j in typed_at if cells[j].lower() not in SAID_EMPTY] if len(cells) == width else []
         fits = [is_typed(cell, form.decimal) for cell in some] or [False]
@@ -122,14 +122,14 @@ def _with_names(form: Form, lines: list[str], typed_at: list[int], said: Options
 
 
 def _are_units(cells: list[str]) -> bool:
-    """True if half of the cells of a line above the rows are units, or stand in brackets."""
+    """True if half of a line's cells are units."""
     words = [cell for cell in cells if cell]
     units = [word for word in words if word[0] in "[(" or unit_of_text(word) or word.lower() in SPANS]
     return len(units) >= 0.5 * len(words)
 
 
 def _as_wide(names: list[str], rows: list[list[str]], header: str) -> list[str]:
-    """Names for all fields of the rows, no two alike, where a header has one less or leaves some empty.
+    """Distinct names for all fields of the rows.
 
     Rows may have an empty cell more at their end, or their number in front. Raises RecordError for another field more.
     """

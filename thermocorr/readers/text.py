@@ -1,4 +1,4 @@
-"""The text of a file: unpacked and decoded."""
+"""The text of a file, unpacked and decoded, and its lines."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _OTHERS = {
 
 
 def unpacked(content: bytes, path: Path) -> bytes:
-    """What is in a .gz, or in a .zip of one file; other text as it is. RecordError for what is no text."""
+    """Content of a .gz, or a .zip of one file."""
     try:
         if content.startswith(b"\x1f\x8b"):
             content = _bounded(gzip.GzipFile(fileobj=io.BytesIO(content)), path)
@@ -63,7 +63,7 @@ def _bounded(packed: IO[bytes] | gzip.GzipFile, path: Path) -> bytes:
 
 
 def decoded(content: bytes, encoding: str | None, path: Path) -> tuple[str, str]:
-    """The text, its lines ended by line feeds, and its encoding: as said, as marked, UTF-8, else Windows-1252.
+    """The text with plain line ends, and its encoding.
 
     UTF-16 without its mark is told by its zeros. Bytes of Windows-1252 are believed above and below the rows: in a row
     they are damage. Raises RecordError for bytes that fit no encoding, with their line.
@@ -105,7 +105,7 @@ Template = tuple[str, list[str]]
 
 
 def rows_of(text: str, templates: list[Template]) -> pd.DataFrame:
-    """The lines of some shapes as rows of text; with several shapes, as columns of times, names and values."""
+    """Lines of some shapes as rows of text."""
     lines = pd.Series(text.splitlines(), dtype=object).str.replace(_COLOUR, "", regex=True)
     parts = []
     for shape, names in templates:
@@ -127,7 +127,7 @@ def _pattern(shape: str, names: list[str]) -> str:
 
 
 def find_templates(text: str) -> tuple[list[Template], dict[str, str]]:
-    """Usual shapes of the lines, and units; empty without such shapes. A number is called by what stands before it."""
+    """Usual shapes of the lines, and units; empty for none."""
     lines = [_COLOUR.sub("", line).strip() for line in text.splitlines()[:400] if line.strip()]
     shapes = Counter(_PART.sub(lambda m: TIME if m["time"] else NUMBER, line) for line in lines)
     usual = [shape for shape, n in shapes.items() if n > 0.03 * len(lines) and NUMBER in shape]
@@ -157,7 +157,7 @@ def find_templates(text: str) -> tuple[list[Template], dict[str, str]]:
 
 
 def _name(before: str) -> str:
-    """The name of a number by the words before it, the last of them in quotes or before a sign."""
+    """The name of a number, by the words before it."""
     quoted = re.findall(r"'([^']+)'|\"([^\"]+)\"", before)
     words = re.findall(r"[^\W\d][\w .°/%]*(?=\s*[:=>])", before)
     return "".join(quoted[-1]) if quoted else words[-1].strip() if words else ""

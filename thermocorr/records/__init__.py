@@ -1,4 +1,4 @@
-"""Floor 1: from what users hold to times, segments and columns."""
+"""From frames and arrays to times, segments and columns."""
 
 from .errors import RecordError, RecordWarning
 from .history import History

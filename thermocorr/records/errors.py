@@ -1,4 +1,4 @@
-"""Errors and warnings about a user's data, and how they show what was found."""
+"""Errors and warnings about a user's data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import numpy as np
 
 
 def printable(text: object, kept: str = "") -> str:
-    r"""Text in which nothing steers a terminal or reorders what is read.
+    r"""Text without control and bidirectional characters.
 
     Control and format characters, lone surrogates and characters that Unicode has not assigned (all of its category C)
     and separators of lines and paragraphs become the escapes that Python writes for them. All else stays: blanks of
@@ -49,11 +49,11 @@ _WITHIN = (__name__.partition(".")[0], "contextlib")
 
 
 class RecordError(ValueError):
-    """The record cannot be used as it is; the message names the place and the remedy."""
+    """The record cannot be used; the message names the remedy."""
 
 
 class RecordWarning(UserWarning):
-    """The record can be used, but its user should know something first."""
+    """The record can be used, with a reservation."""
 
 
 _door = ["Python"]
@@ -71,12 +71,12 @@ def as_command() -> Iterator[None]:
 
 
 def way(command: str, python: str) -> str:
-    """Advice in the words of the door that the log came through."""
+    """Advice for the command line, or for Python."""
     return command if _door[-1] == "command" else python
 
 
 def option(name: str, value: str = "...") -> str:
-    """A parameter with its value as it is passed: ``max_gap=60``, or ``--max-gap 60``."""
+    """A parameter as passed: ``max_gap=60``, or ``--max-gap 60``."""
     flag = f"--{name.replace('_', '-')}"
     return way(flag if value in ("...", "True") else f"{flag} {shlex.quote(value.strip(chr(39)))}", f"{name}={value}")
 
@@ -94,7 +94,7 @@ def noted() -> Iterator[list[str]]:
 
 
 def warn(text: str) -> None:
-    """Warn of something in a record, at the line outside of this package that led to it: there it is said once."""
+    """Warn once, at the caller's line outside of this package."""
     frame, level = inspect.currentframe(), 1
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _WITHIN:
         frame, level = frame.f_back, level + 1
@@ -103,7 +103,7 @@ def warn(text: str) -> None:
 
 @contextmanager
 def said_once() -> Iterator[None]:
-    """Warn once of each thing while models are fitted to parts of a record: texts that differ in numbers are alike.
+    """Warn once of each thing, whatever its numbers.
 
     As a decorator, of a function that does so.
     """
@@ -135,7 +135,7 @@ def listing(names: Iterable[object], limit: int = 8) -> str:
 
 
 def quoted(name: object) -> str:
-    """A name for a message: ``'a'``; the beginning of one that is long."""
+    """A name for a message, in quotes, shortened."""
     return repr(name) if len(repr(name)) <= 60 else f"{repr(name)[:57]}..."
 
 
@@ -145,7 +145,7 @@ def times_word(count: int, noun: str) -> str:
 
 
 def check_int(function: str, name: str, value: Any, low: int) -> int:
-    """Return `value` as an int of at least `low`, or raise ValueError."""
+    """An int of at least `low`; ValueError for others."""
     if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= low:
         return int(value)
     raise ValueError(
@@ -154,14 +154,14 @@ def check_int(function: str, name: str, value: Any, low: int) -> int:
 
 
 def check_bool(function: str, name: str, value: Any) -> bool:
-    """Return `value` as a bool, or raise ValueError: text such as "False" would count as true."""
+    """A bool; ValueError for others, such as "False"."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
     raise ValueError(f"The '{name}' parameter of {function} must be True or False. Got {value!r} instead.")
 
 
 def existing_file(path: str | PathLike[str]) -> Path:
-    """The path of a file that can be read; RecordError where there is none, or only a folder or a device."""
+    """The path of a readable file; RecordError for others."""
     path = Path(path)
     try:
         mode = path.stat().st_mode

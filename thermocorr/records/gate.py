@@ -1,4 +1,4 @@
-"""The gate of one input: how it moved while a model was fitted, and which later values are believed.
+"""The gate of one input: which later values are credible.
 
 No input moves faster than in the fitted record by more than a margin. A value that does is held back, and the last one
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
@@ -60,7 +60,7 @@ class Motion:
 
     @classmethod
     def of(cls, record: Record, column: Any) -> Motion:
-        """Learn from the rows of a record that are not passed over."""
+        """Learn an input's motion from a record."""
         farthest, rest, squares = 0.0, 0.0, 0.0
         for moves, still in _moves(record, column):
             farthest = max(farthest, float(moves.max(initial=0.0)), -float(moves.min(initial=0.0)))
@@ -82,7 +82,7 @@ class Motion:
 
 
 def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
-    """Usual and largest movement of an input from row to row, and its longest rest [s]."""
+    """Usual and largest movement per row, longest rest [s]."""
     step, even = record.usual_step(), record.times.even_step is not None and not len(record.skipped)
     for segment in record.segments:
         value, since = np.nan, np.nan
@@ -108,7 +108,7 @@ def _moves(record: Record, column: Any) -> Iterator[tuple[Floats, float]]:
 
 
 def excursions(record: Record, column: Any, motion: Motion, max_gap: float) -> NDArray[np.intp]:
-    """Rows, by their places in time order, in which an input was away: it jumped there and back as never else.
+    """Rows of excursions that jump away and back.
 
     A few of its moves, an even number up to `MOST_JUMPS`, are `APART` times as far as the next one: 0.2 % of records
     whose moves have a tail like the inverse cube have such two. The gate without these finds what returns.
@@ -140,7 +140,7 @@ def excursions(record: Record, column: Any, motion: Motion, max_gap: float) -> N
 
 
 def _stood(moves: Floats, seconds: Floats, since: float) -> Floats:
-    """Since when an input stands where it is in each row [s]; `since` is that of the row before."""
+    """Start of each row's rest [s]; `since` continues the last."""
     last = np.maximum.accumulate(np.where(moves != 0.0, np.arange(len(moves)), -1))
     return np.where(last >= 0, seconds[last], since)
 
@@ -190,7 +190,7 @@ class Gate:
         return self.last, self.at, seen, self.odd, self.level, self.began, self.away_for, self.since
 
     def one(self, value: float, time: float) -> Judged | None:
-        """Judge one row; None where its value is believed, and was before."""
+        """Judge one row; None where its value is credible."""
         passed, away = time - self.at, value - self.last
         if self.calm and passed <= self._step and -self._move <= away <= self._move:
             self.last, self.at = value, time
@@ -235,7 +235,7 @@ class Gate:
         return Judged(value, self._moved(value) if stands else NAN, False, believed) if believed or stands else None
 
     def _at_end(self, value: float) -> bool:
-        """True if an input may rest at a value: an end of its range, such as no rain."""
+        """True if an input may rest here, as rain at zero."""
         return value == self.motion.low or value == self.motion.high
 
     def _moved(self, value: float) -> float:
@@ -244,7 +244,7 @@ class Gate:
         return value + math.copysign(self.motion.spread, value - middle)
 
     def many(self, values: Floats, times: Floats) -> Judged | None:
-        """`one` of consecutive rows at `times` [s]; None where there is nothing to say."""
+        """Judge consecutive rows at `times` [s]; None for no finding."""
         n, moves = len(values), np.diff(values, prepend=self.last)
         if self.calm and self.max_gap == np.inf and moves.max() <= self._move >= -moves.min() and moves.all():
             self.put((float(values[-1]), float(times[-1]), NAN, 0.0, NAN, NAN, 0.0, float(times[-1])))
@@ -274,7 +274,7 @@ class Gate:
         return found if any_said else None
 
     def _put(self, values: Floats, times: Floats, stood: Floats, k: int) -> None:
-        """Go on as after row `k`, where nothing is held back or doubted."""
+        """Continue behind row `k`, with nothing held or doubted."""
         time = float(times[k])
         self.put((float(values[k]), time, time, 0.0, NAN, NAN, 0.0, float(stood[k])))
 
@@ -284,7 +284,7 @@ EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, 0.0, NAN)
 
 
 class Doubt:
-    """Doubted inputs from row to row, while a model goes on with two courses of them.
+    """Doubted inputs, row by row: two courses of the model.
 
     An input is doubted from a row in which it has a twin until it is believed, or until the two courses are one again:
     they have agreed for as long as the effects remember. So a belief ends the doubt of its own input alone.
@@ -303,11 +303,11 @@ class Doubt:
         self.stands, self.apart = state or ((AGREED,) * self.inputs, -math.inf)
 
     def state(self) -> tuple[tuple[int, ...], float]:
-        """Status of each input, and when the two courses differed last [s]."""
+        """Status of each input; time of the last difference [s]."""
         return self.stands, self.apart
 
     def rows(self, doubted: Any, believed: Any, difference: Floats, seconds: Floats) -> Floats:
-        """Change of the bias by doubtful inputs in consecutive rows, shape (n,).
+        """Change of the bias by doubtful inputs, shape (n,).
 
         `doubted`, `believed` (array of bool, shape (n, inputs)): Whether each input has a twin, and whether its doubt
         ends. `difference` (array, shape (n,)): Of the biases of the two courses. `seconds` (array, shape (n,)): Times.

@@ -1,4 +1,4 @@
-"""Gaps in a record: from which step on nobody knows what was between two rows, and how far columns wander meanwhile."""
+"""The fitted record as later rows meet it, and its gaps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_ROWS = 200_000
 
 @dataclass(frozen=True)
 class Gaps:
-    """Knowledge of gaps from a record, for it and for later rows."""
+    """How columns wander in gaps, learned from a record."""
 
     least: Positive
     """Steps above it are gaps [s]."""
@@ -45,7 +45,7 @@ class Gaps:
 
     @classmethod
     def of(cls, record: Record, columns: Collection[Any], least: float, longest: float | None = None) -> Gaps:
-        """Learn from a record how its columns wander over times up to the `longest` [s]."""
+        """Learn how columns wander up to the `longest` time [s]."""
         usual = record.usual_step()
         if longest is None:
             # Share of the longest segment over which changes are looked at, where no longest gap is known
@@ -70,7 +70,7 @@ class Gaps:
         return cls(least, np.concatenate(([0.0], counts[seen] * usual)), dict(zip(columns, means, strict=True)))
 
     def structure(self, column: Any) -> Structure:
-        """Mean square of a column's changes as a function of time [s].
+        """Mean square of a column's changes over a time [s].
 
         Between two times of the record a power of time, which is what noise (0), a random walk (1) and a smooth
         temperature (2) have; a straight line to zero below the usual step, the last value beyond.
@@ -89,7 +89,7 @@ class Gaps:
 
 
 def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
-    """Steps above it are gaps [s], in a log of which every so many rows are kept."""
+    """Shortest step that counts as a gap [s]."""
     if _is_even(record):
         return GAP * usual_step
     some = next(record.blocks()).steps[1:]
@@ -99,7 +99,7 @@ def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
 
 
 def longest_gap(record: Record, least: float) -> float:
-    """The longest step that is a gap [s]; 0 where there is none."""
+    """The longest gap [s]; 0 for none."""
     if _is_even(record):
         return record.usual_step() if record.usual_step() > least else 0.0
     if record.order is None and not len(record.skipped) and record.times.longest_between_rows <= least:
@@ -108,13 +108,13 @@ def longest_gap(record: Record, least: float) -> float:
 
 
 def gap_rows(block: Block, least: float) -> np.ndarray:
-    """Numbers of a block's rows that stand behind a gap; the first of a segment does not."""
+    """Numbers of a block's rows behind a gap."""
     rows = np.flatnonzero(block.steps > least)
     return rows[rows > 0] if block.begins else rows
 
 
 def _is_even(record: Record) -> bool:
-    """True if steps can be told to be alike without a look at each."""
+    """True if all steps are known to be equal."""
     usual = record.usual_step()
     # Share of a segment's length by which as many usual steps may differ from it: rounding
     return not len(record.skipped) and all(
@@ -123,7 +123,7 @@ def _is_even(record: Record) -> bool:
 
 
 def rows_apart(record: Record) -> str:
-    """In words, the rows before or behind a gap that is longer than all the rest of their segment; "" for none.
+    """Sentence on rows cut off by a long gap; else "".
 
     They stretch all that counts by a segment's length: is their time damaged?
     """
@@ -155,7 +155,7 @@ _NS = 1_000_000_000
 
 
 def in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict[Any, float]]:
-    """The record with its own and further columns as arrays, and of each further one the share of sound numbers.
+    """The record with its columns, and further ones, as arrays.
 
     Missing and absurd numbers are not sound; none are in a column that never changes.
     """
@@ -174,7 +174,7 @@ def in_memory(record: Record, columns: Mapping[Any, Any]) -> tuple[Record, dict[
 
 
 def strided(record: Record, stride: int) -> Record:
-    """Every so many rows of a record, and the last of each segment, in memory."""
+    """Every so many rows of a record, in memory."""
     kept, segments, at = [], [], 0
     for start, stop, run in record.segments:
         some = np.arange(start, stop, stride)
@@ -211,7 +211,7 @@ State = Any
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """Times and columns of the fitted record (thinned beyond `HISTORY_ROWS`) and its states at each segment's end."""
+    """Times, columns and final states of the fitted record."""
 
     kind: Kind
     zero: Stamp
@@ -241,7 +241,7 @@ class History:
 
     @cached_property
     def later_screen(self) -> Screen:
-        """`screen`, with the temperatures that the fitted ones show to be in another unit; nothing where it is None."""
+        """The screen for later temperatures, unit included; or None."""
         if self.screen is None:
             return Screen()
         name = self.record.temperature_name
@@ -250,14 +250,14 @@ class History:
 
     @cached_property
     def _segment_starts(self) -> list[tuple[float, object]]:
-        """Stamp of the first kept row of each segment, and its run."""
+        """First stamp and run of each segment."""
         return [(self.record.stamp(segment.start), segment.run) for segment in self.record.segments]
 
     @classmethod
     def of(
         cls, record: Record, end_states: Sequence[State], max_gap: float | None, screen: Screen | None = None
     ) -> History:
-        """Keep what later rows need of a record that has just been walked through."""
+        """Keep what later rows need of a record."""
         stride = max(1, -(-record.n_used // HISTORY_ROWS))
         small = strided(replace(record, reading=None), stride)
         return cls(
@@ -274,7 +274,7 @@ class History:
         )
 
     def ends(self) -> History:
-        """The same with the first `HEAD` rows and the last one of each segment alone: later rows start afresh."""
+        """The history without inner rows: later rows start afresh."""
         kept, segments, places, at = self.record, [], [], 0
         for start, stop, run in kept.segments:
             some = kept.kept_places(start, stop)
@@ -343,7 +343,7 @@ class History:
         return record, starts, replay
 
     def _holes_of(self, record: Record) -> int:
-        """Number of holes of the fitted record in which rows lie; 0 where too many rows are looked at."""
+        """Number of holes in the fitted record that rows fill."""
         if self.stride != 1 or record.n_used > HISTORY_ROWS:
             return 0
         ours, theirs = (
@@ -362,7 +362,7 @@ class History:
         first_of_run: bool,
         held: Callable[[int], bool] | None = None,
     ) -> tuple[SegmentStart, int | None] | None:
-        """Tie a segment to the fitted ones by its first row; None for one that starts afresh.
+        """Tie a segment to the fitted ones; None for a fresh start.
 
         Parameters
         ----------
@@ -410,7 +410,7 @@ class History:
         return None
 
     def _holds(self, key: int, record: Record, segment: Segment) -> bool:
-        """True if rows of a segment are those of a fitted one: of rows of one time, some, most have the same values."""
+        """True if rows repeat those of a fitted segment."""
         kept, (begin, end, _) = self.record, self.record.segments[key]
         first, last = record.stamp(segment.start), record.stamp(segment.stop - 1)
         low = bisect_left(range(end), first, begin, key=kept.stamp)
@@ -428,7 +428,7 @@ class History:
         return equal > 0 and 2 * equal > met - (self.stride > 0)
 
     def _segment_before(self, stamp: float, run: object) -> int | None:
-        """The fitted segment of this run that starts last among those that start no later than `stamp`."""
+        """The last fitted segment of this run up to `stamp`."""
         best, best_stamp = None, -np.inf
         for key, (first, of_run) in enumerate(self._segment_starts):
             if best_stamp <= first <= stamp and (of_run == run or run is None or of_run is None):
@@ -436,7 +436,7 @@ class History:
         return best
 
     def _first_row_at_or_after(self, key: int, stamp: float) -> int:
-        """The first kept row of a segment from a time on that is not passed over; the segment's end where none is."""
+        """The first kept row from a time on."""
         low, high, _ = self.record.segments[key]
         while low < high:
             middle = (low + high) // 2
@@ -449,19 +449,19 @@ class History:
         return low
 
     def step_before(self, key: int, stamp: float) -> float:
-        """Time from the last row of fitted segment `key` before a time to that time [s]; 0 for its first row."""
+        """Time since the row before, in a fitted segment [s]."""
         row = self._first_row_at_or_after(key, stamp)
         return 0.0 if row == self.record.segments[key].start else self.between(stamp, self._stamp_before(row))
 
     def _stamp_before(self, row: int) -> float:
-        """Stamp of the last kept row before `row` that is not passed over."""
+        """Stamp of the last kept row before `row`."""
         row -= 1
         while self.record.is_skipped(row):  # a segment does not begin with one
             row -= 1
         return self.record.stamp(row)
 
     def first_row(self, record: Record) -> int:
-        """Number of a record's first row: that of the fitted rows which it repeats, else it follows on them."""
+        """Number of a record's first row among the fitted ones."""
         first = record.segments[0]
         kept = self.record.columns
         assert self.record.times.ticks is not None

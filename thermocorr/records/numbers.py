@@ -1,4 +1,4 @@
-"""Numbers as people and programs write them: grammar, columns, quantities with units.
+"""Numbers, quantities and units as people write them.
 
 For sentences, tables on a terminal, pages and pictures. Names of columns, frames, files and code keep their numbers.
 """
@@ -26,7 +26,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 
 
 def as_pandas(X: Any) -> Any:
-    """A table of another package as a pandas one (times as in pandas, missing values as NaN); anything else as it is.
+    """A foreign table as a pandas one; anything else unchanged.
 
     A masked array is filled with NaN.
 
@@ -56,7 +56,7 @@ def as_pandas(X: Any) -> Any:
 
 
 def _from_polars(X: Any) -> pd.DataFrame:
-    """A polars frame without a detour: what narwhals makes of it needs pyarrow."""
+    """A polars frame as a pandas one, without pyarrow."""
     columns: dict[str, Any] = {}
     for name in X.columns:
         series = X[name]
@@ -71,7 +71,7 @@ def _from_polars(X: Any) -> pd.DataFrame:
 
 
 def refuse_no_table(X: Any) -> None:
-    """Raise RecordError for a dict, or the name of a file, where a table is needed."""
+    """Raise RecordError for a dict or a file's name."""
     if not isinstance(X, Mapping | str | PathLike) or hasattr(X, "shape"):  # a sparse array may be a mapping
         return
     made = "for example pandas.DataFrame(X)"
@@ -84,7 +84,7 @@ def refuse_no_table(X: Any) -> None:
 
 
 def as_data(X: Any) -> Any:
-    """Data as the package works with them: tables of other packages as pandas'.
+    """Data as the package needs them: tables in pandas.
 
     Raises RecordError for a dict, and for the name of a file.
     """
@@ -98,7 +98,7 @@ def is_frame(X: Any) -> bool:
 
 
 def numeric_column(X: Any, column: object, role: Role = "column") -> NDArray[Any]:
-    """A column as numbers: a view where the data allow it. NaN marks missing values; infinities are refused."""
+    """A column as floats, NaN for missing values."""
     if is_frame(X):
         if column not in X.columns:
             raise RecordError(
@@ -138,7 +138,7 @@ def numeric_reading(y: Any, X: Any) -> NDArray[Any]:
 
 
 def check_same_rows(given: Any, X: Any, name: str) -> None:
-    """Refuse a Series for X whose index says that its rows stand in another order, or have other times."""
+    """Refuse y with another index than that of X."""
     if not (isinstance(given, pd.Series) and isinstance(X, pd.DataFrame)) or len(given) != len(X):
         return
     own, others = given.index, X.index
@@ -168,7 +168,7 @@ def check_same_rows(given: Any, X: Any, name: str) -> None:
 
 
 def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
-    """Numbers with NaN for missing ones; text, complex numbers, dates and infinities are refused by row."""
+    """Numbers, NaN where missing; RecordError for anything else."""
     kind = kind_of(values)
     require_role(kind, role, what, str(values.dtype))
     if kind == "text" or values.dtype == object:
@@ -184,7 +184,7 @@ def as_numbers(values: Any, what: str, role: Role = "column") -> NDArray[Any]:
 
 
 def _refuse_absurd(what: str, chunk: Any, first_row: int) -> None:
-    """Refuse infinities, and numbers that no instrument shows: their squares would not be numbers."""
+    """Refuse infinities and absurdly large numbers."""
     if chunk.dtype.kind != "f" or not len(chunk):
         return
     if chunk.dtype == np.float64 and chunk.ndim == 1:
@@ -279,7 +279,7 @@ class Scale(NamedTuple):
         return number_text(value * self.factor, digits)
 
     def text(self, value: float, digits: int = 3) -> str:
-        """The number and its unit with the signs of print: ``0.97 mΩ``."""
+        """A number with its unit in print: ``0.97 mΩ``."""
         number = self.number(value, digits)
         return number if number == UNKNOWN else f"{number} {unit_text(self.unit)}".rstrip()
 
@@ -295,7 +295,7 @@ class Prefixed(NamedTuple):
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """A number of so many significant digits, none before the point left out: 0.0651, 15.5, 84012; "-" for NaN."""
+    """A number of some significant digits: 0.0651, 15.5, 84012."""
     value = float(value) + 0.0  # no -0
     if math.isnan(value):
         return UNKNOWN
@@ -304,7 +304,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def quantity_text(value: float, unit: str = "", digits: int = 3) -> str:
-    """A quantity with the prefix that suits its size, if its unit takes prefixes: ``0.97 mΩ``, ``31 µV``.
+    """A quantity with the prefix that suits its size.
 
     Examples
     --------
@@ -317,7 +317,7 @@ def quantity_text(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def quantity_texts(values: Iterable[float], unit: str = "", digits: int = 3) -> list[str]:
-    """Quantities that are compared: one prefix, and digits enough to tell apart those that differ.
+    """Quantities to compare: one prefix, digits that tell them apart.
 
     Examples
     --------
@@ -329,7 +329,7 @@ def quantity_texts(values: Iterable[float], unit: str = "", digits: int = 3) -> 
 
 
 def scale_of(values: Any, unit: str) -> Scale:
-    """The unit for a column of a table, or any array of numbers: with the prefix that suits the median of the sizes.
+    """The unit for a table, by the median of its sizes.
 
     Examples
     --------
@@ -350,7 +350,7 @@ def scale_of(values: Any, unit: str) -> Scale:
 
 @cache
 def prefixed(unit: str) -> tuple[Prefixed, ...]:
-    """A unit with each prefix that it takes, the smallest first; empty for one that takes none."""
+    """A unit with each of its prefixes, the smallest first."""
     head, rest = _head(unit)
     prefix, bare = prefix_and_unit(head)
     # What may follow a unit with a prefix: m/s, but not m3 nor V^2
@@ -365,7 +365,7 @@ def prefixed(unit: str) -> tuple[Prefixed, ...]:
 
 
 def prefix_and_unit(unit: str) -> tuple[str, str]:
-    """Prefix of a unit and the unit without it: ``("m", "V")``; "" and the unit itself where there is none."""
+    """Prefix of a unit, and its rest: ``("m", "V")``."""
     # What only looks as if it had a prefix
     if unit not in _LARGEST and unit != "pH" and unit[:1] in _POWERS and unit[1:] in _LARGEST:
         return unit[:1], unit[1:]
@@ -373,7 +373,7 @@ def prefix_and_unit(unit: str) -> tuple[str, str]:
 
 
 def unit_text(unit: str) -> str:
-    """A unit with the signs of print: °C, Ω, µV; K^2 as K²."""
+    """A unit in print: °C, Ω, µV, K²."""
     words = [prefix_and_unit(word) for word in re.split(r"([ /()*]|\^-?\d+)", unit)]
     return "".join(_UNITS.get(prefix, prefix) + _UNITS.get(bare, _raised(bare)) for prefix, bare in words)
 
@@ -383,7 +383,7 @@ def _raised(word: str) -> str:
 
 
 def span_text(seconds: float, digits: int = 3) -> str:
-    """A time span [s] in the longest unit that it fills: 45 s, 2.5 min, 15.5 h, 3.2 d.
+    """A time span [s] in its longest unit: 2.5 min, 3.2 d.
 
     Examples
     --------
@@ -396,7 +396,7 @@ def span_text(seconds: float, digits: int = 3) -> str:
 
 
 def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
-    """Time spans that are compared [s]: in the unit of the shortest, with digits enough to tell them apart.
+    """Time spans [s] to compare, in the unit of the shortest.
 
     Each has its own unit where they are too far apart for one.
 
@@ -415,7 +415,7 @@ def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
 
 
 def span_unit(longest: float) -> str:
-    """The unit for an axis of time that is so long [s]."""
+    """The unit for a time axis of this length [s]."""
     return next((unit for unit, limit in _AXES.items() if longest <= limit), "s")
 
 
@@ -427,7 +427,7 @@ def _span_scale(seconds: float, digits: int) -> Scale:
 
 
 def _told_apart(values: list[float], scale: Scale, digits: int) -> list[str]:
-    """Numbers in one unit, with so many digits, or a few more, that those differ that are different."""
+    """Numbers with digits that tell different ones apart."""
     different = {value for value in values if math.isfinite(value)}
     # Digits at most that are added to tell numbers apart
     enough = (n for n in range(digits, digits + 4) if len({scale.text(v, n) for v in different}) == len(different))
@@ -436,6 +436,6 @@ def _told_apart(values: list[float], scale: Scale, digits: int) -> list[str]:
 
 
 def _head(unit: str) -> tuple[str, str]:
-    """The part of a unit that a prefix stands before, and the rest: ``("mV", "/K")``."""
+    """The prefixed part of a unit, and the rest: ``("mV", "/K")``."""
     end = next((i for i, sign in enumerate(unit) if not (sign.isalpha() or sign == "%")), len(unit))
     return unit[:end], unit[end:]

@@ -1,4 +1,4 @@
-"""From what users hold (frames, arrays) to a validated `Record`."""
+"""From frames and arrays to a validated `Record`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of the user's data. None means: look for it (see `read_record`)."""
+    """Layout of the user's data; None leaves it to `read_record`."""
 
     temperature: object = None
     time: object = None
@@ -50,7 +50,7 @@ class Layout:
     """Column that the readings are compared with: what is learned is how much they differ."""
 
     def longest_step(self) -> float | None:
-        """Longest step that does not start a new segment [s]; None where none does."""
+        """Longest step inside a segment [s]; None for no limit."""
         return None if self.max_gap is None else seconds_of(self.max_gap, "max_gap")
 
 
@@ -106,7 +106,7 @@ def read_record(X: Any, layout: Layout, *, y: Any = None, needed: Sequence[objec
 
 
 def check_order(record: Record, layout: Layout) -> None:
-    """Refuse rows a `sampling_period` apart that stand in no order: neighbours differ as random pairs of them do.
+    """Refuse unordered rows under a `sampling_period`.
 
     Half the mean square of the steps over the variance (von Neumann 1941, Annals of Mathematical Statistics 12, 367) is
     1 for a shuffled record, and next to nothing for a temperature that is logged often enough to be followed.
@@ -128,7 +128,7 @@ def check_order(record: Record, layout: Layout) -> None:
 
 
 def check_max_gap(record: Record, layout: Layout) -> None:
-    """Refuse a `max_gap` that is shorter than nearly all steps of a record: each row would be a segment of its own.
+    """Refuse a `max_gap` shorter than nearly all steps.
 
     For records that are learned from: a few rows that are corrected may be as far apart as they like.
 
@@ -151,7 +151,7 @@ def check_max_gap(record: Record, layout: Layout) -> None:
 
 
 def times_of(X: Any, layout: Layout) -> Times:
-    """Times of the rows as they come, in whatever order: the first step of `read_record`, without its other checks."""
+    """Times of the rows, unsorted and unchecked."""
     return _times(X, layout, is_frame(X), len(X), [])
 
 
@@ -214,7 +214,7 @@ def _times(X: Any, layout: Layout, frame: bool, n: int, notes: list[str]) -> Tim
 
 
 def _runs(X: Any, layout: Layout, times: Times) -> tuple[NDArray[Any] | None, NDArray[np.intp] | None]:
-    """Run codes in time order, and that order where runs are interleaved."""
+    """Run codes in time order, and that order."""
     if layout.run is None:
         return None, None
     if not is_frame(X):
@@ -258,20 +258,20 @@ def _segments(
 
 
 def _steps_from(start: int, times: Times, order: NDArray[np.intp] | None) -> NDArray[np.float64]:
-    """Steps [s] to the rows of a chunk behind row `start`, in time order."""
+    """Steps to the rows of a chunk [s], in time order."""
     stop = min(start + _CHUNK + 1, times.n)
     return times.steps(slice(start, stop) if order is None else order[start:stop])[1:]
 
 
 def _inside(start: int, steps: NDArray[np.float64], starts_run: set[int]) -> NDArray[np.bool_]:
-    """Mask of the steps after row `start` that stay in one run, shape (n,)."""
+    """True for steps within one run, shape (n,)."""
     inside = np.ones(len(steps), bool)
     inside[[k - 1 - start for k in starts_run if start < k <= start + len(steps)]] = False
     return inside
 
 
 def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
-    """The record without the rows that lack a needed value: they are passed over as if they had not been recorded."""
+    """The record without rows that lack a needed value."""
     n, gone = record.n_rows, [np.zeros(0, np.intp)]
     for start in range(0, n, _CHUNK):
         rows = record.rows(start, min(start + _CHUNK, n))
@@ -298,14 +298,14 @@ def _known(record: Record, layout: Layout, notes: list[str]) -> Record:
 
 
 def _longest_hole(record: Record) -> float:
-    """The longest step over rows that are passed over [s]; 0 where there are none inside segments."""
+    """The longest step over skipped rows [s]; 0 for none."""
     return float(record.steps_over(*holes(record.skipped)).max(initial=0.0))
 
 
 def _check_steps(
     times: Times, order: NDArray[np.intp] | None, starts_run: set[int], layout: Layout, notes: list[str]
 ) -> NDArray[np.intp]:
-    """Refuse times that stand still or go back; return where gaps longer than max_gap end."""
+    """Ends of gaps; RecordError for times that stand or go back."""
     n = times.n
     max_gap = layout.longest_step()
     if order is None and times.even_step is not None and times.even_step <= (np.inf if max_gap is None else max_gap):
@@ -349,7 +349,7 @@ def _check_steps(
 
 
 def _is_ahead(times: Times, early: int, row: int, late: int, usual: float) -> bool:
-    """True if a row's time is far beyond those of its neighbours, which follow on one another."""
+    """True if a row's time is far ahead of its neighbours'."""
     on, ahead = (times.between(times.stamp(k), times.stamp(early)) for k in (late, row))
     return 0 < on <= GAP_STEPS * usual < ahead
 
@@ -386,7 +386,7 @@ def _refuse_order(
 
 
 def _twice_text(times: Times, order: NDArray[np.intp] | None, row: int, before: int, layout: Layout) -> str:
-    """Message on rows with the same time: how many there are, and what to do."""
+    """Message on rows that share a time."""
     steps = times.steps(slice(0, times.n) if order is None else order)[1:]
     more = int((steps == 0).sum()) - 1 if layout.run is None else 0
     each = 1 < more + 1 == times.n / 2
@@ -408,7 +408,7 @@ LABELS = (str, bool, int, float, Decimal, np.number, np.bool_, date, timedelta, 
 
 
 def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.Index[Any]]:
-    """Codes of the labels, and the labels that differ; `what` names the column in messages.
+    """Codes of labels, and the distinct labels.
 
     Raises RecordError for labels that are missing, of other types than `LABELS`, or dates and spans out of reach.
     """
@@ -430,7 +430,7 @@ def factorized(labels: pd.Series[Any], what: str) -> tuple[NDArray[np.intp], pd.
 
 
 def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
-    """Refuse labels of which (nearly) every row has another: a column of times, say, of which a fit would take ages."""
+    """Refuse labels that differ in nearly every row."""
     try:
         count = labels.nunique()
     except (TypeError, ArithmeticError, ValueError):  # what can be no label: the record says so
@@ -445,7 +445,7 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
 
 
 def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> None:
-    """Refuse labels that are dates and spans which no clock of nanoseconds reaches: no file could keep them."""
+    """Refuse labels of dates beyond a clock of nanoseconds."""
     if isinstance(names, pd.DatetimeIndex | pd.TimedeltaIndex):
         unit = 1_000_000_000 // UNITS[names.unit]
         far = np.flatnonzero((names.asi8 > LATEST // unit) | (names.asi8 < EARLIEST // unit))
@@ -460,7 +460,7 @@ def check_dates(codes: NDArray[np.intp], names: pd.Index[Any], what: str) -> Non
 
 
 def out_of_reach(label: Any) -> bool:
-    """True if a label is a date or a span that no clock of nanoseconds reaches in every zone."""
+    """True if a label is such a date or span."""
     try:
         if isinstance(label, timedelta | np.timedelta64):
             value: int = pd.Timedelta(label).value

@@ -1,4 +1,4 @@
-"""Stretches of a record: segments, gaps and flags of rows."""
+"""The record: segments, blocks, columns and readings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .types import Column, Counted, RunLabel
 
 
 class Segment(NamedTuple):
-    """A stretch without a gap: rows ``start:stop`` in the record's time order."""
+    """Rows ``start:stop`` without a gap, in time order."""
 
     start: Counted
     stop: Counted
@@ -42,7 +42,7 @@ class SegmentStart(NamedTuple):
 
 
 def holes(places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Stretches of consecutive numbers among sorted ones: the first of each, and the one behind its last."""
+    """Starts and ends of consecutive numbers among sorted ones."""
     return places[np.diff(places, prepend=-2) != 1], places[np.diff(places, append=-2) != 1] + 1
 
 
@@ -105,12 +105,12 @@ class Flags:
 
 @lru_cache(maxsize=64)
 def _texts(names: tuple[str, ...]) -> Any:
-    """An array of pandas' own texts: to make one takes longer than to correct a few samples."""
+    """An array of text as pandas keeps it, made quickly."""
     return pd.Series(names).array
 
 
 def where_read(reading: Any, n: int, rows: Callable[[int, int], Any]) -> tuple[int, int]:
-    """Positions of the first reading and behind the last one; those of the whole record where these hold half of it.
+    """Positions of the first reading and behind the last.
 
     A week of readings may come with a year of temperature: by the year, all of it would be one moment.
 
@@ -131,7 +131,7 @@ BLOCK_ROWS = 8192
 
 
 class Itself:
-    """A key for what has no name: equal to that of the same object alone."""
+    """A key by identity, for what has no name."""
 
     def __init__(self, of: object):
         self.of = of
@@ -166,7 +166,7 @@ def _fixed(values: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Block:
-    """Consecutive rows of one segment, without those passed over, as every effect sees them."""
+    """Consecutive rows of one segment, as effects see them."""
 
     record: Record
     segment: int
@@ -201,7 +201,7 @@ class Block:
 
     @property
     def even_step(self) -> float | None:
-        """The step from each row of the block to the next [s], where it is that of all rows of the record; else None.
+        """The common step of the record's rows [s], or None.
 
         What comes before the block and behind it may lack rows that are passed over.
         """
@@ -213,12 +213,12 @@ class Block:
         return len(self) == self.stop - self.start
 
     def first_from(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Numbers within the block of the first rows at or behind some places in time order."""
+        """Numbers of the first rows at or behind some places."""
         return np.clip(places - self.start, 0, len(self)) if self.is_whole else np.searchsorted(self.places, places)
 
     @cached_property
     def seconds(self) -> Floats:
-        """Time since the first row of the fitted record [s], shape (n,)."""
+        """Time since the fitted record began [s], shape (n,)."""
         return _fixed(self.record.times.seconds(self.rows, self.zero))
 
     @cached_property
@@ -233,7 +233,7 @@ class Block:
         return self.record.times.seconds(self.rows[numbers], self.zero)
 
     def of(self, record: Record) -> Block:
-        """Block of the same rows in a record that has the times in common, and other columns."""
+        """The same rows of another record with these times."""
         other = replace(self, record=record, values={})
         other.__dict__["rows"] = self.rows  # known already
         return other
@@ -257,7 +257,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Record:
-    """A record as `read_record` makes it. Its arrays are views of the user's, never written to."""
+    """A validated record; its arrays view the user's data."""
 
     times: Times
     temperature_name: Column
@@ -302,12 +302,12 @@ class Record:
         return sum(segment.n_rows for segment in self.segments) - len(self.skipped)
 
     def is_skipped(self, k: int) -> bool:
-        """True if the row that comes k-th in time order is passed over."""
+        """True if the k-th row in time order is skipped."""
         at = int(np.searchsorted(self.skipped, k))
         return at < len(self.skipped) and int(self.skipped[at]) == k
 
     def input_variance(self, rows: Any) -> Floats | float:
-        """Variance of a model's bias by what is not known of its inputs in some of the user's rows: doubts, gaps."""
+        """Variance of the bias by uncertain inputs, per row."""
         doubt = 0.0 if self.doubt is None else self.doubt[rows] ** 2
         return doubt + (0.0 if self.gap_variance is None else self.gap_variance[rows])
 
@@ -316,13 +316,13 @@ class Record:
         return places if self.order is None else self.order[places]
 
     def kept_places(self, start: int, stop: int) -> NDArray[np.intp]:
-        """The places of a stretch in time order, without those of rows that are passed over."""
+        """Places of a stretch in time order, without skipped rows."""
         first, last = np.searchsorted(self.skipped, (start, stop))
         places = np.arange(start, stop)
         return places if first == last else np.delete(places, self.skipped[first:last] - start)
 
     def kept(self, start: int, stop: int) -> Rows:
-        """The user's rows for a stretch in time order, without those that are passed over."""
+        """The user's rows of a stretch, without skipped ones."""
         first, last = np.searchsorted(self.skipped, (start, stop))
         return self.rows(start, stop) if first == last else self.rows_at(self.kept_places(start, stop))
 
@@ -344,7 +344,7 @@ class Record:
 
     @cached_property
     def read_places(self) -> tuple[int, int]:
-        """Positions of the first reading and behind the last one, where they hold less than half of the record."""
+        """Ends of the readings, where they cover less than half."""
         return where_read(self.reading, self.n_rows, self.rows)
 
     def read_duration(self, segment: Segment) -> float:
@@ -359,7 +359,7 @@ class Record:
         return max((self.read_duration(segment) for segment in self.segments), default=0.0)
 
     def usual_step(self) -> float:
-        """Median step inside segments [s]; 1 for a record without two consecutive rows. Long records are sampled."""
+        """Median step inside segments [s]; long records are sampled."""
         return self._usual_step
 
     def longest(self) -> Segment:
@@ -378,7 +378,7 @@ class Record:
         return float(steps[0] if steps.min() == steps.max() else np.median(steps))
 
     def moments(self, column: object, power: int = 1) -> Moments:
-        """Number, mean, variance and range of a column (or of a power of it) inside segments, in one pass."""
+        """Number, mean, variance and range of a column's power."""
         return self._moments(column, self.columns[column], power)
 
     def reading_moments(self) -> Moments:
@@ -391,14 +391,14 @@ class Record:
         return self.known_moments[key, power]
 
     def _looked_at(self, column: Any, power: int) -> Moments:
-        """Moments of a power of a column inside segments, in one pass."""
+        """Moments of a column's power, in one pass."""
         result = Moments()
         for values in self.chunks(column):
             result = result.merged(Moments.of(values if power == 1 else values**power))
         return result
 
     def chunks(self, column: Any) -> Iterator[Floats]:
-        """Numbers of a column, or of the readings, inside segments, some rows at a time."""
+        """Numbers of a column, or the readings, in chunks."""
         ends = {segment.stop for segment in self.segments}
         starts = [segment.start for segment in self.segments if segment.start not in ends]
         stops = sorted(ends - {segment.start for segment in self.segments})
@@ -407,7 +407,7 @@ class Record:
                 yield np.asarray(column[self.kept(start, min(start + CHUNK, stop))], float)
 
     def passing_over(self, places: NDArray[np.intp], max_gap: float | None) -> Record:
-        """The record without some rows, as if they had not been recorded; no segment may be left.
+        """The record without some rows; each segment keeps one.
 
         Parameters
         ----------
@@ -429,7 +429,7 @@ class Record:
         return replace(self, segments=tuple(segments), skipped=gone[inside], known_moments={})
 
     def _ends(self, gone: NDArray[np.intp], start: int, stop: int, max_gap: float | None) -> Iterable[tuple[int, int]]:
-        """Stretches of rows that are passed over, first and behind the last, which end what is one segment so far."""
+        """Skipped stretches that split a segment."""
         first, behind = holes(gone)
         outer = (first == start) | (behind == stop)
         if max_gap is not None:
@@ -437,7 +437,7 @@ class Record:
         return zip(first[outer].tolist(), behind[outer].tolist(), strict=True)
 
     def steps_over(self, first: NDArray[np.intp], behind: NDArray[np.intp]) -> Floats:
-        """Time from the row before each stretch of rows to the row behind it [s], shape (n,)."""
+        """Time from the row before a stretch to the row behind [s]."""
         return self.times.steps(self.rows_at(np.column_stack((first - 1, behind)).ravel()))[1::2]
 
     def first_stamp(self) -> float:
@@ -445,7 +445,7 @@ class Record:
         return self.stamp(self.segments[0].start) if self.segments else 0
 
     def since_1970(self) -> float | None:
-        """Date of the first row [s]; None where times are no dates, nor seconds that can only be Unix times."""
+        """Date of the first row [s since 1970], or None."""
         return self.times.since_1970(self.first_stamp())
 
     def blocks(

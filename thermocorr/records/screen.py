@@ -1,4 +1,4 @@
-"""Screening of a record: values that are no measurements, missing cells, weights of zero.
+"""Screening: values that are no measurements.
 
 A reading that is refused is not learned from. The row of an input that is refused is passed over as if it had not been
 recorded: the lags go straight across, and are not poisoned. What later rows are screened by is known from these
@@ -31,7 +31,7 @@ _CHUNK = 1 << 16  # rows looked at together, so that checks need no memory of th
 
 
 def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
-    """Sentence on rows that lack a value, with the columns and time of the first.
+    """Sentence on rows that lack a value.
 
     `record` (Record). `missing` (array of shape (n,)): The rows, in time order; one at least.
     """
@@ -46,7 +46,7 @@ def missing_text(record: Record, missing: NDArray[np.intp]) -> str:
 
 
 def nothing_known_text(record: Record) -> str:
-    """Message on a record without one complete row: its empty columns, if there are any."""
+    """Message on a record without one complete row."""
     n = record.n_rows
     empty = [name for name in record.columns if _is_empty(record, name)]
     where = f"in {listing(empty)}" if empty else f"in every needed column ({listing(record.columns)})"
@@ -64,7 +64,7 @@ def _is_empty(record: Record, name: object) -> bool:
 
 @dataclass(frozen=True)
 class WeightedReading:
-    """Readings, and how much each counts in a fit: the y of whatever reads a record."""
+    """Readings and their weights: the y of a fit."""
 
     y: Any
     """As the user gave them."""
@@ -73,7 +73,7 @@ class WeightedReading:
 
 
 def reading_of(y: Any, X: Any, reference: object = None) -> tuple[NDArray[Any] | None, Floats | None]:
-    """Readings as numbers, those without weight left out, and their weights; None where there are none.
+    """Readings as numbers, and weights or None.
 
     With a `reference`, a column of X, what they differ from it by.
     """
@@ -85,7 +85,7 @@ def reading_of(y: Any, X: Any, reference: object = None) -> tuple[NDArray[Any] |
 
 
 def error_of(y: Any, X: Any, reference: object = None) -> NDArray[Any]:
-    """Readings as numbers; with a `reference`, a column of X, less its values."""
+    """Readings as numbers, less those of a `reference`."""
     reading = numeric_reading(y, X)
     if reference is None:
         return reading
@@ -141,14 +141,14 @@ class Limits:
         return np.flatnonzero(found)
 
     def spiked(self, values: NDArray[Any], stamp_of: Callable[[int], Any]) -> Rows:
-        """Numbers of the values that are spikes of the fitted record; `stamp_of` gives a number's time stamp."""
+        """Numbers of the values that are known spikes."""
         if not self.spikes:
             return np.zeros(0, np.intp)
         alike = np.flatnonzero(np.isin(values, list(self.spikes.values())))
         return np.array([k for k in alike.tolist() if self.spikes.get(stamp_of(k)) == values[k]], np.intp)
 
     def reason(self, value: float, stamp: Any) -> str:
-        """Why a value is refused: "sentinel", "spike", "other unit"; "" where it is one, or is missing."""
+        """Why a value is refused: "sentinel", "spike", "other unit", or ""."""
         low, high = self._between
         if (value <= low or value >= high) and (abs(value) >= OVERLOAD or value in self.codes):
             return SENTINEL
@@ -174,7 +174,7 @@ class Screen:
     reading: Limits = field(default_factory=Limits)
 
     def without_codes(self, record: Record, max_gap: float | None) -> Record:
-        """The record without the values that are codes, or single ones in another unit.
+        """The record without codes and values in another unit.
 
         A record that is in another unit as a whole is left as it is, to be refused.
         """
@@ -191,7 +191,7 @@ class Screen:
         return record
 
     def without_spikes(self, record: Record, max_gap: float | None) -> Record:
-        """The record without the inputs that are spikes of the fitted one."""
+        """The record without the inputs' known spikes."""
         for column, limits in self.inputs.items():
             if limits.spikes:
                 values, found = record.columns[column], []
@@ -201,7 +201,7 @@ class Screen:
         return record
 
     def gated(self, record: Record, zero: float, max_gap: float | None) -> Record:
-        """The record with what stands for inputs that are held back, and the twins of those that are doubted."""
+        """The record with held inputs, and twins of doubted ones."""
         columns, twins, believed = dict(record.columns), dict(record.twins), dict(record.believed)
         held = np.zeros(record.n_rows, bool)
         for column, gate, rows in self._chunks_of_inputs(record, max_gap):
@@ -224,7 +224,7 @@ class Screen:
         return replace(record, columns=columns, known_moments={}, held=held, twins=twins, believed=believed)
 
     def _chunks_of_inputs(self, record: Record, max_gap: float | None) -> Iterator[tuple[Any, Gate, Any]]:
-        """Each input, its gate, and the user's rows of a chunk, in time order."""
+        """Each input, its gate, and the user's rows."""
         for column, limits in self.inputs.items():
             if limits.motion is None:
                 continue
@@ -251,7 +251,7 @@ def _chunks(record: Record) -> Iterator[tuple[int, int]]:
 
 
 def screened(record: Record, max_gap: float | None = None, thermometers: Collection[Any] = ()) -> tuple[Record, Screen]:
-    """A record without what is no input and no reading, and what later rows are to be screened by.
+    """A screened record, and the screen for later rows.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def screened(record: Record, max_gap: float | None = None, thermometers: Collect
 
 
 def _sampled(record: Record, column: NDArray[Any]) -> list[Floats]:
-    """Stretches of consecutive values: all of them, or some of a long record."""
+    """Stretches of consecutive values, sampled from a long record."""
     ends = np.cumsum([segment.n_rows for segment in record.segments]).tolist()
     if ends[-1] <= SAMPLES * SAMPLE_ROWS:
         parts = [(segment.start, segment.stop) for segment in record.segments]
@@ -330,7 +330,7 @@ def _values(record: Record, column: NDArray[Any], low: int, high: int) -> Floats
 
 
 def _limits(record: Record, name: Any, column: NDArray[Any], usual: Usual, found: Found, spikes: Rows) -> Limits:
-    """Limits for later rows: codes that were met or are far from what is left in the record; the spikes."""
+    """Limits for later rows: codes and spikes."""
     met = np.unique(np.asarray(column[record.rows_at(_few(found.codes))], float)).tolist() if len(found.codes) else []
     left = record.reading_moments() if name is None else record.moments(name)
     far = ALL_CODES[(left.low > ALL_CODES) | (left.high < ALL_CODES)]
@@ -348,7 +348,7 @@ def _few(positions: Rows) -> Rows:
 
 
 def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: float | None) -> Record:
-    """A record in which an input, or the reading (None), is refused in some rows (in time order)."""
+    """A record with some values of an input refused."""
     of_reading = column is None
     positions = np.sort(positions) if of_reading else np.setdiff1d(positions, record.skipped)
     if not len(positions):
@@ -377,7 +377,7 @@ def left_out(values: NDArray[Any], rows: Rows) -> Floats:
 
 
 def _seldom(record: Record, repeats: Rows) -> str:
-    """One line on a temperature that is measured less often than it is written down."""
+    """Note on a temperature that is measured rarely."""
     return (
         f"{quoted(record.temperature_name)} repeats the row before in {len(repeats)} of {record.n_used} rows, and then "
         "moves on by many digits: it is measured less often than the readings. What the room does in between is not "

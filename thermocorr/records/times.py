@@ -24,7 +24,7 @@ LARGEST_SECONDS = 1e10
 
 
 def unix_unit(low: float, high: float) -> str | None:
-    """Unit of numbers between two limits that can only be Unix times, "s", "ms", "us" or "ns"; None for others.
+    """Unit of Unix times, "s", "ms", "us" or "ns"; else None.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def unix_unit(low: float, high: float) -> str | None:
 
 
 def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int = 0) -> None:
-    """Raise RecordError for times that are taken as seconds and can be none: Unix times in another unit, and others.
+    """Raise RecordError for numbers that are no seconds.
 
     `numbers` (array of shape (n_rows,)). `where` (str): What they are, in words. `first_row` (int): Number of the
     first of them in its log.
@@ -60,7 +60,7 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
 
 
 def index_times(index: pd.Index) -> Times | None:
-    """Times of an index of dates, spans, periods (when they begin) or text in the forms of ISO 8601; None for others.
+    """Times of an index; None for one without.
 
     Raises RecordError for an index of times of which some are missing or unreadable, naming the first.
     """
@@ -73,7 +73,7 @@ def index_times(index: pd.Index) -> Times | None:
 
 
 def _is_date(label: object) -> bool:
-    """True if a label of an index is a date, as such or in text; text of digits alone is not."""
+    """True if an index label is a date; digits are not."""
     if not isinstance(label, str | date):
         return False
     text = str(label).strip()
@@ -81,7 +81,7 @@ def _is_date(label: object) -> bool:
 
 
 def no_times_text(index: pd.Index | None) -> str:
-    """Advice on an index without times; "" for numbers of rows, and where there is none."""
+    """Advice on an index without times, or ""."""
     if index is None or not len(index):
         return ""
     if isinstance(index, pd.MultiIndex):
@@ -122,7 +122,7 @@ _DAY_SPAN = re.compile(r"(?<![0-9.,:])[0-9]{4}(?:[0-9]{4})?(?![0-9])|[0-9][./-][
 
 
 def date_of(value: Any) -> Any:
-    """A date as pandas reads it; NaT for none, and for text without a day, which pandas takes for a time of today."""
+    """A date as pandas reads it; NaT without a day."""
     if isinstance(value, str) and not _DAY_SPAN.search(value):
         return pd.NaT
     try:
@@ -134,7 +134,7 @@ def date_of(value: Any) -> Any:
 
 
 def span_of(value: Any) -> Any:
-    """A time span as pandas reads it, in text ("1 d 2 h") or as an object; NaT for what says that there is none.
+    """A time span as pandas reads it; NaT for none.
 
     Text without a unit ("60") is a number of seconds, as a number is. A comma inside a number is refused, for it may
     stand before decimals or between thousands. Units are days and weeks, hours and seconds in small letters and in
@@ -160,14 +160,14 @@ def span_of(value: Any) -> Any:
 
 
 def _known_unit(found: re.Match[str]) -> str:
-    """A unit of one letter as every version of pandas knows it."""
+    """A one-letter unit for every version of pandas."""
     if found[0] not in _LETTERS:
         raise ValueError(f"invalid unit abbreviation: {found[0]}")
     return _LETTERS[found[0]]
 
 
 def seconds_of(value: Any, name: str) -> float:
-    """A time span in seconds: a number, or anything that pandas reads as a span ('15 min', Timedelta).
+    """A time span in seconds, of a number or text.
 
     Raises ValueError in the words of scikit-learn's parameter checks.
 
@@ -214,7 +214,7 @@ _ZONED = f"{_DAY}{_CLOCK}{_ZONE}"
 
 @dataclass(frozen=True)
 class Times:
-    """Time stamps of `n` rows, read block by block: nothing of the size of the record is copied.
+    """Time stamps of `n` rows, read block by block.
 
     ``ticks`` are integers (`per_second` of them in a second), floats in seconds, or None for rows that are
     `period` seconds apart, the first of them being row number `first_row` of its log.
@@ -228,13 +228,13 @@ class Times:
     first_row: Counted = 0
 
     def since_1970(self, stamp: float) -> float | None:
-        """Date of a stamp [s]; None where times are no dates, nor seconds that can only be Unix times."""
+        """Date of a stamp [s since 1970], or None."""
         if self.kind.startswith("datetime"):
             return stamp / 1e9
         return float(stamp) if self.kind == "seconds" and UNIX[0] <= stamp < UNIX[1] else None
 
     def steps(self, rows: Rows, before: int | None = None) -> Floats:
-        """Time from the row before to each of `rows` [s]; ``steps[0]`` reaches back to row `before` (1 s if None).
+        """Steps to each of `rows` from the row before [s].
 
         Rows of a slice follow one another. Where it is known that all steps are alike, they are not looked at again.
         """
@@ -263,12 +263,12 @@ class Times:
 
     @property
     def even_step(self) -> float | None:
-        """The step from each row to the next [s], where all are alike; None where they are not."""
+        """The common step of all rows [s], or None."""
         return None if self._even_ticks is None else float(self._even_ticks / self.per_second)
 
     @cached_property
     def _even_ticks(self) -> Any:
-        """`even_step` in ticks: then the first and the last time are the least and the greatest."""
+        """The common step in ticks; then the ends are the extremes."""
         if self.ticks is None or self.kind == "rows" or self.n < 2:
             return None
         first, second, last = (self.ticks[k].item() for k in (0, 1, -1))
@@ -280,7 +280,7 @@ class Times:
 
     @cached_property
     def longest_between_rows(self) -> float:
-        """The longest step from a row to the next, as they stand in the log [s]; infinite where it takes more to tell.
+        """The longest step between neighbouring rows [s].
 
         No look at rows one by one is needed where it is no gap.
         """
@@ -294,18 +294,18 @@ class Times:
         return float(max(np.diff(chunk).max() for chunk in chunks) / self.per_second)
 
     def ends(self) -> NDArray[Any]:
-        """Ticks among which the least and the greatest are: two of them where steps are even."""
+        """Ticks that include the least and the greatest."""
         assert self.ticks is not None
         return self.ticks if self._even_ticks is None else self.ticks[[0, -1]]
 
     def step_of(self, rows: Rows) -> float | None:
-        """The step from each of some rows to the next [s], where all rows have it and none is left out; or None."""
+        """The common step of some rows [s], or None."""
         if not isinstance(rows, slice):
             return None
         return self.period if self.ticks is None else self.even_step
 
     def seconds(self, rows: Rows, origin: float = 0) -> Floats:
-        """Seconds since `origin`, which is what `stamp` gives for the row that counts as zero."""
+        """Seconds since `origin`, a stamp."""
         if self.ticks is None:
             number = np.arange(rows.start, rows.stop) if isinstance(rows, slice) else rows
             return np.asarray((number + self.first_row - origin) * self.period, float)
@@ -317,7 +317,7 @@ class Times:
         return np.asarray((self.ticks[rows] - whole) / self.per_second - rest / _NS, float)
 
     def stamp(self, row: int) -> float:
-        """Absolute time of a row: nanoseconds for dates and spans (exact integer), seconds otherwise."""
+        """Absolute time of a row: nanoseconds for dates, else seconds."""
         if self.ticks is None:
             return row + self.first_row
         if self.kind == "rows":
@@ -351,7 +351,7 @@ class Times:
 
 
 def steps_back_an_hour(back: float, usual: float) -> bool:
-    """True if local times step back because summer time ends: by an hour less the step between rows, or by an hour.
+    """True if local times repeat an hour at the end of summer time.
 
     `back`, `usual` (float): The step back, positive, and the usual step between rows [s].
     """
@@ -364,7 +364,7 @@ def steps_back_an_hour(back: float, usual: float) -> bool:
 
 
 def summer_time_text(row: int, time: object, before: object) -> str:
-    """Message on local times that step back by an hour, and what to do."""
+    """Message on local times that repeat an hour."""
     zoned = "times that have it, as by X.index.tz_localize('Europe/Berlin', ambiguous='infer')"
     return (
         f"Time goes backward at row {row}: {time} follows {before}, as local times do when summer time ends. If so, "
@@ -374,7 +374,7 @@ def summer_time_text(row: int, time: object, before: object) -> str:
 
 
 def times_from(values: pd.Index | pd.Series, where: str) -> Times:
-    """Times of an index or a column: dates, spans, seconds, or text that pandas reads as dates.
+    """Times of an index or column, dates as text included.
 
     Raises RecordError for missing or unreadable times, naming the first.
     """
@@ -425,7 +425,7 @@ def _times_of_index(index: pd.DatetimeIndex | pd.TimedeltaIndex, where: str) -> 
 def within_range(
     ticks: NDArray[Any], per_second: int, where: str, first_row: int = 0, ends: NDArray[Any] | None = None
 ) -> NDArray[Any]:
-    """The ticks; RecordError for one that is too early or late. `ends`: those with the least and the greatest."""
+    """The ticks; RecordError for dates out of range."""
     ends = ticks if ends is None else ends
     low, high = (limit // (_NS // per_second) for limit in (EARLIEST, LATEST))
     if len(ends) and (ends.max() > high or ends.min() < low):
@@ -436,7 +436,7 @@ def within_range(
 
 
 def seconds_within_range(seconds: Floats, where: str, first_row: int = 0) -> Floats:
-    """The times; RecordError where one of them is no time [s] that anything has: differences of these are numbers.
+    """The times; RecordError for seconds out of range.
 
     And for numbers that are Unix times in another unit.
     """
@@ -456,7 +456,7 @@ def _refuse_missing(missing: NDArray[np.bool_], where: str) -> None:
 
 
 def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
-    """Text to dates; all zones become UTC, so that summer time cannot fold an hour."""
+    """Text to dates in UTC."""
     known = () if isinstance(values.dtype, pd.StringDtype) else values
     for row, value in enumerate(known):  # pandas would make text of anything
         if isinstance(value, bytes | list | dict | tuple | np.ndarray):
@@ -481,7 +481,7 @@ def _parse(values: pd.Series[Any], where: str) -> pd.Series[Any]:
 
 
 def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
-    """Dates of texts in the forms of ISO 8601, from year to day at least; NaT for others, such as "now" or "2024".
+    """Dates of ISO 8601 text; NaT for others.
 
     Raises RecordError where only some have a zone.
     """
@@ -500,6 +500,6 @@ def _parse_dates(text: pd.Series[Any]) -> pd.Series[Any]:
 
 
 def date_of_text(text: str) -> Any:
-    """One date as a column of dates is read; NaT for anything else."""
+    """One date as a column reads it; NaT for others."""
     parsed = _parse_dates(pd.Series([text], dtype="string"))
     return parsed.iloc[0]

@@ -1,4 +1,4 @@
-"""Uses of a column by the type in its file or frame: one table for every reader."""
+"""What a column may be, by its type; limits of values."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Check(NamedTuple):
 
 
 def within(low: float, high: float) -> Check:
-    """Limits of a number, or of all numbers of an array; NaN is within none."""
+    """Limits of a number or array; NaN fails."""
 
     def holds(value: Any) -> bool:
         return bool(np.all((np.asarray(value) >= low) & (np.asarray(value) <= high)))

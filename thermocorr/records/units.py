@@ -1,4 +1,4 @@
-"""Units of columns by their names, and values that look like another unit's."""
+"""Units of columns, by attribute or name."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ _UNDER = ("h", "min", "d")
 
 
 def difference_unit(unit: str) -> str:
-    """Unit of a difference of temperatures in `unit`: K, but degF for degF."""
+    """Unit of a difference of temperatures: K, or degF."""
     return "degF" if unit == "degF" else "K"
 
 
 def units_differ(name: str, unit: str, other_name: str, other_unit: str) -> bool:
-    """True if two columns' units, where both are written, say that one's numbers are none for the other.
+    """True if two columns' units contradict each other.
 
     A single letter at the end of a name may be no unit (``"dut_A"``, ``"dut_C"``): it is believed where both would be
     units of the same quantity.
@@ -88,7 +88,7 @@ def _ends_in_letter(name: str) -> bool:
 
 
 def unit_of(name: object, data: Any) -> str:
-    """Unit of a column: ``data.attrs["units"][name]``, else the end of its name ("oven_temp_degC"), else ""."""
+    """Unit of a column: from ``attrs["units"]``, or its name."""
     noted = getattr(data, "attrs", {}).get("units", {})
     if isinstance(noted, dict) and name in noted:
         return str(noted[name])
@@ -102,7 +102,7 @@ def unit_of(name: object, data: Any) -> str:
 
 
 def without_unit(name: str, unit: str) -> str:
-    """A column's name without the unit at its end, where it ends in this one: it will be said beside the name.
+    """A column's name without this unit at its end.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def without_unit(name: str, unit: str) -> str:
 
 
 def unit_of_text(text: str) -> str:
-    """The unit that a text is: ``"°C"`` is degC; "" for any other text.
+    """The unit that a text is: ``"°C"`` is degC; else "".
 
     Examples
     --------
@@ -129,14 +129,14 @@ def unit_of_text(text: str) -> str:
 
 
 def _prefixed(text: str) -> str:
-    """A unit with a prefix, as it is written here: capital and small letters mean what they do."""
+    """A unit with a prefix, case kept."""
     unit = text.translate(_SIGNS)
     unit = unit[:-3] + "ohm" if unit.endswith("Ohm") else unit
     return unit if prefix_and_unit(unit)[0] else ""
 
 
 def _quotient(text: str) -> str:
-    """Unit over another, or over a power of one: um/m, kg/m3, 1/K."""
+    """A quotient of units: um/m, kg/m3, 1/K."""
     above, _, below = text.partition("/")
     parts = [_POWER.fullmatch(part) for part in (above, below)]
     known = [part is not None and (part[1] in (*_KNOWN, *_UNDER) or _prefixed(part[1]) != "") for part in parts]
@@ -144,7 +144,7 @@ def _quotient(text: str) -> str:
 
 
 def name_and_unit(text: str) -> tuple[str, str]:
-    """A column's name without the unit that it ends in, in brackets or behind a slash, and that unit.
+    """A column's name, and the unit at its end.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def name_and_unit(text: str) -> tuple[str, str]:
 
 
 def _behind_slash(text: str, name: str, behind: str) -> str:
-    """The unit behind a slash without blanks; "" for the second half of a unit (wind_m/s), and for A/C and on/off."""
+    """The unit behind a slash in a name; else ""."""
     unit = unit_of_text(behind)
     last = re.split(r"[\s_]+", name)[-1]
     in_two = unit_of_text(text) or (last != name and (unit_of_text(last) or last in _SUFFIXES))
@@ -192,7 +192,7 @@ class OtherUnit(NamedTuple):
 
 
 def other_units(low: float, high: float) -> tuple[OtherUnit, ...]:
-    """Temperatures far outside `low` to `high` that would lie inside in another unit.
+    """Units in which absurd temperatures would be usual.
 
     Degrees Fahrenheit are not told from degC by their size alone.
 
@@ -215,7 +215,7 @@ def unit_told_by(value: float, units: tuple[OtherUnit, ...]) -> str:
 
 
 def first_median(record: Record, thermometer: Any) -> float:
-    """Median of a temperature over the first rows of a record, which tells its unit."""
+    """Median of a temperature's first rows."""
     first = record.segments[0]
     # Rows at most whose median tells the unit of a record
     rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))

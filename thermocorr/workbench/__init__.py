@@ -1,4 +1,4 @@
-"""The workbench: a record, its models one after the other, and what each is worth. `Story` has no screen.
+"""The workbench: a record and its models, on a screen or without.
 
 ``thermocorr.workbench(model, X, y)`` shows it in a notebook, the command ``thermocorr workbench log.csv`` in a browser.
 """

@@ -1,4 +1,4 @@
-"""What is taken away of a `Story`: the script, the model, corrected readings, the report."""
+"""What one takes from a `Story`: script, model, log, report."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Kind(NamedTuple):
 
 
 def exported(story: Any, kind: str) -> bytes:
-    """One of `KINDS`; ValueError for a kind that there is not, and where there is no model yet."""
+    """One of `KINDS`; ValueError for others, or without a model."""
     if kind not in KINDS:
         raise ValueError(f"{kind!r} cannot be taken away. There are: {', '.join(KINDS)}.")
     found = story.now
@@ -50,7 +50,7 @@ def exported(story: Any, kind: str) -> bytes:
 
 
 def script(story: Any) -> str:
-    """Python code that reads the log and comes to the same model."""
+    """Python code that comes to the same model."""
     found = story.fit()
     effects = [effect for _, effect in as_effects(found.model.effects)]
     roles = story.roles
@@ -116,7 +116,7 @@ def _model(found: Any, effects: list[Any]) -> list[str]:
 
 
 def code(effect: Any) -> str:
-    """An effect as code, with every digit of the parameters that are not as usual."""
+    """An effect as code, all digits included."""
     usual, given = _usual(type(effect)), effect.get_params(deep=False)
     said = ", ".join(f"{name}={value!r}" for name, value in given.items() if repr(value) != repr(usual.get(name)))
     return f"{type(effect).__name__}({said})"

@@ -1,4 +1,4 @@
-"""The log under work: read from files, built in, or given as a frame; effects of the user's own."""
+"""The log under work, and the user's own effects."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Log:
 
     @classmethod
     def built_in(cls) -> Log:
-        """The built-in record; what is hidden in it is for the diagnosis to find."""
+        """The built-in record, its hidden effect unsaid."""
         return cls(frame=load_voltage_reference(hidden="moisture"), name=BUILT_IN)
 
     @classmethod
     def opened(cls, paths: Sequence[str | Path], how: Options | None = None, names: Sequence[str] = ()) -> Log:
-        """A log in files; `names` are what they are called where they came from, if that is not here.
+        """A log in files, with their names at the source.
 
         Raises RecordError for files that cannot be read.
         """
@@ -61,7 +61,7 @@ class Log:
         )
 
     def timed(self, time: str | None) -> tuple[pd.DataFrame, tuple[str, ...]]:
-        """The log with its times understood, and in words how it was read.
+        """The log with its times, and notes on them.
 
         `time` (str, optional): A column that has them in place of those that were found. Raises RecordError for times
         that can be read in two ways, or not at all.
@@ -82,7 +82,7 @@ class Log:
 
 
 def effects_in(path: str | Path) -> tuple[type[Effect], ...]:
-    """The classes of effects that a file defines; the file is run.
+    """Classes of effects that a file defines; it is run.
 
     Raises RecordError for a file that cannot be run, or defines none.
     """

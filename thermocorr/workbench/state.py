@@ -1,4 +1,4 @@
-"""A story as a screen shows it: one JSON value in which every number stands as text and as itself."""
+"""A story as a screen shows it, in one JSON value."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def state_of(story: Story) -> dict[str, Any]:
 
 
 def figure(value: float | None, scale: Scale, digits: int = 4) -> dict[str, Any] | None:
-    """A number as text with a unit that suits it and its neighbours, and as it is; None for one that nobody knows."""
+    """A number as text with unit, and itself; or None."""
     if value is None or not math.isfinite(value):
         return None
     return {"text": quantity(float(value), digits, scale), "value": float(value)}
@@ -93,7 +93,7 @@ def _gain(value: float) -> dict[str, Any] | None:
 
 
 def _roles(story: Story, frame: pd.DataFrame) -> dict[str, str]:
-    """The role of each column; where not all is known, what could be guessed."""
+    """The role of each column, known or guessed."""
     if story.roles is not None:
         given = {column: role for role, column in story.roles.items() if isinstance(column, str)}
         if story.roles["reference"] and story.roles["reading"] == story.roles["temperature"]:
@@ -104,7 +104,7 @@ def _roles(story: Story, frame: pd.DataFrame) -> dict[str, str]:
 
 
 def _raw(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Columns of numbers in some of the rows, to be drawn before there is a model."""
+    """Columns to draw before there is a model."""
     rows = np.linspace(0, len(frame) - 1, min(len(frame), DRAWN)).astype(int)
     shown = []
     for name in [name for name in frame.columns if kind_of(frame[name]) == "number"][:COLUMNS]:
@@ -140,7 +140,7 @@ def _settings(story: Story) -> dict[str, Any]:
 
 
 def _advised(story: Story) -> str:
-    """Sentence on which correction to begin with; "" where that is not known, or something was added since."""
+    """Sentence on the advised correction, or ""."""
     advice = story.advice.get(story.key())
     if advice is None:
         return ""
@@ -217,7 +217,7 @@ def _fitted(story: Story, found: Step) -> dict[str, Any]:
 
 
 def _where(found: Step) -> list[dict[str, Any]]:
-    """Conditions under which the model fails: of its diagnosis, before that against the noise of the fit."""
+    """Conditions under which the model fails."""
     judged = found.diagnosis
     table = found.where if judged is None else judged.where
     if table is None or (judged is not None and VERDICTS[judged.verdict].calm):
@@ -226,7 +226,7 @@ def _where(found: Step) -> list[dict[str, Any]]:
 
 
 def _place(row: Any, found: Step) -> dict[str, Any]:
-    """A place of failure: in words, and what a picture of it shows."""
+    """A place of failure, in words and numbers."""
     line = found.curves.timeline
     shown: dict[str, Any] = {"share": _share(row.share), "rows": _share(share_of_samples(row))}
     shown |= {"aspect": printable(aspect_text(row)), "interval": printable(interval_text(row))}

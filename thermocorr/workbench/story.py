@@ -1,4 +1,4 @@
-"""A record under work, without a screen: steps, errors, what is missing, what an effect would take away, files."""
+"""A record, its steps and errors, for any screen."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ PICTURES = ("errors", "time", "against", "where", "suspects", "contributions", "
 
 @dataclass
 class Step:
-    """A fitted model of the record, and what became known of it since."""
+    """A fitted model, and what is known of it."""
 
     key: str
     """A name that only equal steps share."""
@@ -77,7 +77,7 @@ class Step:
 
 
 class Story:
-    """A record, and the models that are made of it one after the other; any screen can be put on it.
+    """A record and its models, for any screen.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Story:
         effects_file: str = "",
         **given: Any,
     ) -> Story:
-        """Open a log as its program wrote it; without one, the built-in record.
+        """Open a log in files; without one, the built-in record.
 
         Parameters
         ----------
@@ -174,7 +174,10 @@ class Story:
 
     @classmethod
     def of(cls, model: DynamicBiasRegressor, X: Any, y: Any, *, suspects: Sequence[type[Effect]] = ()) -> Story:
-        """Open data in memory with a model of theirs, fitted or not; TypeError where X has no names of columns."""
+        """Open a DataFrame with a model; TypeError for other data.
+
+        The model may be fitted or not; names of columns are needed.
+        """
         frame = as_pandas(X)
         if not isinstance(frame, pd.DataFrame):
             raise TypeError(f"The workbench needs a DataFrame, whose columns have names. Got {type(X).__name__}.")
@@ -198,7 +201,7 @@ class Story:
 
     @property
     def roles(self) -> dict[str, Any] | None:
-        """Column of each role, and the list ``ignored``; None until a person has said them."""
+        """Column of each role, and those ignored; or None."""
         return next((act["roles"] for act in self.acts if act["do"] == "roles"), None)
 
     @property
@@ -212,7 +215,7 @@ class Story:
         return hashlib.sha256(said.encode()).hexdigest()[:24]
 
     def known(self, acts: Sequence[Act] | None = None) -> dict[str, Any]:
-        """Errors of a step, known after its model has gone: rms, held_out, later, moment, verdict.
+        """Known errors of a step: rms, held_out, later, verdict.
 
         later: rms error on later stretches behind each moment that was asked about, see `moment`.
         """
@@ -220,12 +223,15 @@ class Story:
 
     @property
     def moment(self) -> float | None:
-        """Share of the record before the last date in the models of all steps, behind which their errors compare."""
+        """Last dated share of all steps, where errors compare.
+
+        Share of the record before the last date in any step; None without dates.
+        """
         moments = [self.known(self.acts[:n]).get("moment") for n in range(1, len(self.acts) + 1)]
         return max((moment for moment in moments if moment is not None), default=None)
 
     def errors(self) -> pd.DataFrame:
-        """Rms errors on later data, on one scale: no correction, static and dynamic, and each step.
+        """Rms errors on later data of each correction and step.
 
         Columns: step (name), error (NaN where it is not known yet, or cannot be compared), act (its number; NaN).
         """
@@ -259,7 +265,10 @@ class Story:
     # ----------------------------------------------------------------------------------------------------- what is done
 
     def begin(self) -> None:
-        """Fit what the log was opened with, and begin with the correction that is advised; `problem` says why not."""
+        """Fit, and begin with the advised correction.
+
+        `problem` says why there is no model.
+        """
         self.start()
         if self.now is not None:
             self._advise()
@@ -300,7 +309,10 @@ class Story:
         self._become([*self.acts, {"do": "shape", "text": f"{lags}, degree {degree}{of[int(products)]}", **params}])
 
     def suspect(self, place: Any, alike: Any = None) -> Effect:
-        """The effect of a suspect, or of one that cannot be told apart from it; ValueError for one not listed."""
+        """The effect of a suspect, or of its rival.
+
+        Raises ValueError for one that is not listed.
+        """
         listed = self.now.diagnosis.suspects if self.now is not None and self.now.diagnosis is not None else ()
         gone = "This suspect is no longer on the list: the model has changed."
         found = listed[_integer(place, gone, 0, len(listed) - 1)]
@@ -309,7 +321,7 @@ class Story:
         return found.confusable_with[_integer(alike, gone, 0, len(found.confusable_with) - 1)]
 
     def add(self, place: Any = 0, alike: Any = None) -> None:
-        """Put a suspect into the model, or one that cannot be told apart from it."""
+        """Add a suspect to the model, or its rival."""
         effect, found = self.suspect(place, alike), self.now
         assert found is not None  # it has suspects
         node = self.codec.pack(clone(effect), "effect")
@@ -319,7 +331,7 @@ class Story:
         self._become([*self.acts, act])
 
     def preview(self, place: Any, alike: Any = None) -> dict[str, Any]:
-        """What the model with a suspect would leave of the readings, its time constants held.
+        """What a suspect would leave, its time constants held.
 
         Returns dict: label, before and after (rms of the readings that are learned from). `picture` shows it.
         """
@@ -338,7 +350,7 @@ class Story:
         return {"label": effect.label(), "before": before, "after": after}
 
     def leave_out(self, low: Any, high: Any) -> None:
-        """Learn no longer from the rows between two places on the axis of time [s].
+        """Stop learning from rows between two places [s].
 
         Raises ValueError where no reading would be left to learn from.
         """
@@ -361,7 +373,10 @@ class Story:
         self._become([*self.acts, {"do": "leave_out", "text": f"leave out: {where}", "rows": stretches}])
 
     def drop(self, step: Any) -> None:
-        """Take a step back, the others stay; ValueError for the first, which says what the columns are."""
+        """Remove a step; ValueError for the first.
+
+        The others stay; the first says what the columns are.
+        """
         step = _integer(step, "This step is no longer there.", 0, len(self.acts) - 1)
         if self.acts[step]["do"] == "roles":
             raise ValueError("The first step says what the columns are: change it at the left.")
@@ -384,7 +399,7 @@ class Story:
         self.start()
 
     def _become(self, acts: list[Act]) -> None:
-        """Fit these acts and let them stand; what was undone before is forgotten. An error changes nothing."""
+        """Fit these acts and keep them, if no error is raised."""
         self.fit(acts)
         self.versions = [*self.versions[: self.at + 1], acts][-1000:]
         self.at, self.problem = len(self.versions) - 1, ""
@@ -392,7 +407,7 @@ class Story:
     # ------------------------------------------------------------------------------------------------------- the models
 
     def fit(self, acts: Sequence[Act] | None = None) -> Step:
-        """The step that some acts come to, by default what stands; kept, or fitted anew to the same bits.
+        """The step of some acts, kept or refitted.
 
         Raises RecordError, ValueError: what the fit says of unusable data and settings.
         """
@@ -450,7 +465,7 @@ class Story:
         return model
 
     def judge(self) -> Diagnosis:
-        """Diagnosis of the step that stands; the errors of all steps are known then."""
+        """Diagnose the current step, and measure all steps."""
         found = self.now
         if found is None:
             raise ValueError(self.problem or "There is no model yet: call begin().")
@@ -464,7 +479,7 @@ class Story:
         return found.diagnosis
 
     def next_chore(self) -> Chore | None:
-        """The next thing to find out about what stands: a few words, and what does it; None when all is known."""
+        """The next unknown: words and a function; or None."""
         found = self.now
         if found is None:
             return None
@@ -479,7 +494,7 @@ class Story:
         return self._missing_error()
 
     def _advise(self) -> None:
-        """Advise a correction; where the user has chosen no settings and gone no further, begin with it."""
+        """Advise a correction, and begin with it if nothing is set."""
         first = self.acts[:1]
         variants = variants_of(self.unfitted(first), max(self.base.degree, 2))
         advice: Advice | None = None
@@ -529,7 +544,7 @@ class Story:
             found.curves = Curves(found.model, found.X, found.y, uncertainty=True, keep=True)
 
     def _missing_error(self) -> Chore | None:
-        """Errors of steps that are not known yet: never judged as they stand, or not behind the last date."""
+        """The next step without an error, as a chore."""
         for count in range(1, len(self.acts) + 1):
             acts = self.acts[:count]
             known = self.known(acts)
@@ -552,7 +567,7 @@ class Story:
     # ----------------------------------------------------------------------------------------------------- what is seen
 
     def display(self, name: str, **how: Any) -> Display | None:
-        """A picture of the step that stands; None where it cannot be drawn yet.
+        """A picture of the current step; None if too early.
 
         Parameters
         ----------
@@ -619,12 +634,15 @@ class Story:
         return script(self)
 
     def export(self, kind: str) -> bytes:
-        """A file to take away: "script", "model", "corrected" or "report"; ValueError for any other."""
+        """A file to take: "script", "model", "corrected" or "report".
+
+        Raises ValueError for any other, and where there is no model yet.
+        """
         return exported(self, kind)
 
 
 def _guessed(frame: pd.DataFrame, given: dict[str, Any]) -> dict[str, Any] | None:
-    """Roles of the columns of a log, see `guess`; None where a person must say them."""
+    """Guessed roles of the columns; None for a question."""
     known = {role: given.get(role) for role in ("temperature", "reading", "reference", "run")}
     found = guess(frame, **known)
     if found.temperature is None or found.reading is None:
@@ -636,7 +654,7 @@ def _guessed(frame: pd.DataFrame, given: dict[str, Any]) -> dict[str, Any] | Non
 
 
 def _check_roles(roles: dict[str, Any], columns: Sequence[str]) -> None:
-    """Raise RecordError for a role of a column that is not there, and for a column that is two things at once."""
+    """Raise RecordError for roles that contradict."""
     unknown = sorted(set(roles) - {*ROLES, "ignored"})
     if unknown:
         raise RecordError(f"{quoted(unknown[0])} is no role of a column. There are: {', '.join(ROLES)}.")
@@ -693,7 +711,7 @@ def _number(value: Any, what: str) -> float:
 
 
 def chosen_lags(given: str) -> Any:
-    """Time constants as a person types them: a number of them, "auto", "none", or a list: ``60, 15min, 2h``."""
+    """Time constants as typed: a number, "auto", "none", or ``60, 15min``."""
     words = given.strip()
     if words == "auto":
         return words
@@ -716,7 +734,7 @@ def chosen_lags(given: str) -> Any:
 
 
 def sentence(error: BaseException) -> str:
-    """Message of an error in one line; the kind of error where it has none for people."""
+    """Message of an error in one line."""
     if isinstance(error, MemoryError):
         return "There is not enough memory for this. Open a shorter log."
     said = " ".join(str(error).split())

@@ -1,1 +1,1 @@
-"""Screens of the workbench: a local server and its process, a notebook's widget, a page that computes."""
+"""Screens: a local server, a notebook's widget, a static page."""

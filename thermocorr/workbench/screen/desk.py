@@ -1,4 +1,4 @@
-"""Messages between a screen and a story, as JSON, whatever carries them."""
+"""Messages between a screen and a story, as JSON."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Opening:
         return story
 
     def remedy(self) -> str:
-        """What a button says that makes the log readable where it is not; "" where nothing does."""
+        """A button's text where a problem has a remedy, or ""."""
         if self.how.skip_bad_rows or not self.paths:
             return ""
         try:
@@ -77,7 +77,7 @@ class Opening:
 
 
 class Desk:
-    """Answers the messages of a screen, whatever carries them: a kernel, a browser's worker, or a process.
+    """Answers the messages of a screen over any carrier.
 
     `story` (Story, optional): None until a log is opened. `tell` (callable): Sends a message to the screen. `chores`
     (bool): Find out at once, behind an answer, what is not known yet; else whoever carries the messages calls `chore`
@@ -93,7 +93,7 @@ class Desk:
         self._shown: dict[str, Any] = {}
 
     def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
-        """Do some work; whether it came to its end, and was not cancelled."""
+        """Do some work; False if it was cancelled."""
         work()
         return True
 
@@ -118,7 +118,7 @@ class Desk:
         self.tell({"kind": "progress", "content": {"text": text}})
 
     def chore(self) -> bool:
-        """Find out one thing that is not known yet; False where nothing is left."""
+        """Find out one thing; False if nothing is left."""
         found = None if self.story is None else self.story.next_chore()
         if found is None or self.story is None:
             self.progress("")
@@ -132,13 +132,13 @@ class Desk:
         return True
 
     def stop(self) -> None:
-        """Leave unknown what is not known yet, until the user asks for it."""
+        """Stop finding out until the user asks."""
         found = None if self.story is None else self.story.now
         if found is not None and found.diagnosis is None:
             found.lacking = found.lacking or "Stopped. Judge again to go on."
 
     def hear(self, message: dict[str, Any]) -> None:
-        """Answer a message: ``what`` is ready, open, remedy, do, picture or take; its ``number`` comes along."""
+        """Answer a message: ready, open, remedy, do, picture or take."""
         what, number, given = str(message.get("what")), message.get("number"), message.get("given") or {}
         if what in WORDS:
             self.progress(WORDS[what])
@@ -166,7 +166,7 @@ class Desk:
             self._go_on()
 
     def _go_on(self) -> None:
-        """Find out what is not known yet: at once, or one thing at a time where messages may come in between."""
+        """Find out what is unknown, message by message."""
         if self.later is not None:
             self.later(self._one)
             return
@@ -214,7 +214,7 @@ class Desk:
         return {"past": {"versions": story.versions, "at": story.at}}
 
     def _picture(self, story: Story, given: dict[str, Any]) -> dict[str, Any]:
-        """A picture as SVG, and where its axis of time lies in it: left and right as shares of the width."""
+        """A picture as SVG, and where its time axis lies."""
         name, width = str(given.pop("name", "")), given.pop("width", 900)
         width = min(max(width, 280), 2400) if type(width) in (int, float) and math.isfinite(width) else 900
         height = SMALL if name == "time" and width < NARROW else None
@@ -228,7 +228,7 @@ class Desk:
         return {"svg": svg, "left": box.x0, "right": box.x1, "points": _points(display)}
 
     def _open(self, given: Any) -> dict[str, Any]:
-        """Open a log: an Opening, a ``path`` with the ``past`` of its steps, or the last one without its bad rows."""
+        """Open a log, or the last one without bad rows."""
         idle = False
         if not isinstance(given, Opening):
             idle = bool(given.get("idle"))
@@ -251,7 +251,7 @@ class Desk:
 
 
 def _points(display: Any) -> list[list[Any]]:
-    """Place and time of each cell of a picture over time, and what was measured, modelled and left, in words."""
+    """Words for each cell of a picture over time."""
     if not isinstance(display, ResidualsDisplay):
         return []
     cells, line = display.cells, display.timeline

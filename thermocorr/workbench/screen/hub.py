@@ -1,4 +1,4 @@
-"""Between the pages and the process that computes: carries messages, and begins the process again where it dies."""
+"""Between pages and the computing process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ QUICK_DEATHS = 3
 
 
 class NotDone(Exception):
-    """An act that cannot be done; the sentence is for the user, and what a button says that would mend it."""
+    """A refused act: a sentence, and a remedy's button."""
 
     def __init__(self, problem: str, remedy: str = ""):
         super().__init__(problem)
@@ -66,7 +66,7 @@ class Hub:
     # ------------------------------------------------------------------------------------------------------ the process
 
     def start(self, method: str = "spawn") -> None:
-        """Start the process, or start it anew from the steps that stood.
+        """Start the process, or restart it from its steps.
 
         `method` ({"spawn", "fork"}): Forking is quick, as all modules are loaded; it needs a process without threads.
         """
@@ -81,7 +81,7 @@ class Hub:
         other.close()
 
     def listen(self) -> None:
-        """Hear what the process says; to be called where the event loop runs."""
+        """Hear the process, from the event loop."""
         loop = asyncio.get_running_loop()
         threading.Thread(target=self._listen, args=(self._pipe, loop), daemon=True).start()
 
@@ -204,7 +204,7 @@ class Hub:
     # ------------------------------------------------------------------------------------------------------- the pages
 
     def enter(self) -> asyncio.Queue[str]:
-        """A page opens: its queue of messages, which begins with all that it must know."""
+        """A page opens: its queue, with all it must know."""
         # Messages for a page that does not read them, before it is let go
         page: asyncio.Queue[str] = asyncio.Queue(64)
         self.pages.add(page)

@@ -1,4 +1,4 @@
-"""The files that the screen is made of."""
+"""The files of the screen."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ASSETS = {name: TYPES[name.rsplit(".", 1)[1]] for name in PAGE}
 
 
 def filled(name: str, body: str, assets: Iterable[str], **given: str) -> str:
-    """A page from a template, with the screen's body, its styles and its scripts."""
+    """A page from a template, with styles and scripts."""
     listed = {kind: [asset for asset in assets if asset.endswith(f".{kind}")] for kind in TYPES}
     template_ = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(template(name))
     return template_.render(body=Markup(body), styles=listed["css"], scripts=listed["js"], **given)
@@ -38,7 +38,7 @@ def page() -> str:
 
 @cache
 def body() -> str:
-    """Content of the workbench's element; a notebook opens no other log, and has a button to interrupt."""
+    """The workbench's element, in a notebook or page."""
     lines = template("body.html").splitlines(keepends=True)
     return "".join(line for line in lines if not any(f'data-part="{part}"' in line for part in ("open", "cancel")))
 

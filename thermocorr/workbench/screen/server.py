@@ -1,4 +1,4 @@
-"""Who may talk to the workbench: this machine's user in the browser that was given the address, and nobody else."""
+"""The workbench on 127.0.0.1, for this user's browser alone."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ HEADERS = {
 
 
 class Guard:
-    """Lets requests through that bear the cookie, to the right host, from no other site.
+    """Let requests through with the cookie, host and site.
 
     The address that the command prints has a token, which is good for one visit: it is exchanged for a cookie that no
     script can read and no other site can send. Names other than 127.0.0.1 and localhost are refused, so that a foreign
@@ -297,7 +297,7 @@ def _failed(sentence: str, status: int, remedy: str = "") -> Response:
 
 
 def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[[str], None]) -> None:
-    """Serve until the last page has closed, or a signal ends it.
+    """Serve until the last page closes.
 
     `opening` (Opening). `port` (int): 0 takes a free one. `keep` (bool): Go on when the last page has closed. `ready`
     (callable): Called with the address when there is something to be seen.

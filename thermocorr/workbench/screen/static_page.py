@@ -1,4 +1,4 @@
-"""The workbench as a folder of static files that any web server can serve: it computes in the browser, by Pyodide."""
+"""The workbench as static files that compute in the browser."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def page() -> str:
 
 
 def packages() -> bytes:
-    """The packages of `OWN` as one zip, to be unpacked where Python looks for them."""
+    """The packages of `OWN` as one zip."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as packed:
         for name in OWN:
@@ -103,7 +103,7 @@ def packages() -> bytes:
 
 
 def _chosen(pyodide: Path) -> tuple[dict[str, Any], list[str]]:
-    """Pyodide's lock with the packages that are needed alone, and their files."""
+    """Pyodide's lock and files, reduced to the needed."""
     try:
         lock = json.loads((pyodide / LOCK).read_text(encoding="utf-8"))
         known = {_plain(name): package for name, package in lock["packages"].items()}

@@ -1,4 +1,4 @@
-"""A story in a notebook: the same screen, by messages of the kernel."""
+"""A story in a notebook, over the kernel's messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .desk import Desk
 
 
 def show(story: Story) -> Any:
-    """Show a story in a notebook: see what is missing, add it, and watch the error fall.
+    """Show a story in a notebook.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def show(story: Story) -> Any:
 
 
 def _widget_class() -> Any:
-    """The class of the widget; made when it is first needed, as anywidget is an extra."""
+    """The widget's class; anywidget is an extra."""
     import anywidget
     import traitlets
 

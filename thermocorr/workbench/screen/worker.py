@@ -1,4 +1,4 @@
-"""The process that computes: a desk whose work the server may interrupt."""
+"""The process that computes, and can be interrupted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .desk import LOOKS, Desk, Opening
 
 
 class Interruptible:
-    """Work that another thread may interrupt, once, and nothing but this work."""
+    """Work that another thread may interrupt once."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -35,7 +35,7 @@ class Interruptible:
             raise KeyboardInterrupt
 
     def interrupt(self, number: int | None = None) -> None:
-        """Interrupt what is running, if anything is; only the work of a number, if one is given."""
+        """Interrupt what runs, or the work of a number."""
         with self._lock:
             if self._running and not self._asked and number in (None, self.number):
                 self._asked = True
@@ -59,7 +59,7 @@ class Interruptible:
 
 
 class ProcessDesk(Desk):
-    """A desk that hears its server by a pipe; what only looks is answered while other work is done.
+    """A desk at the end of a pipe; looking needs no waiting.
 
     `pipe` (Connection): To the server; brings messages, or None to cancel. `folder` (str): Of logs that were dropped on
     the page; removed at the end.
@@ -94,14 +94,14 @@ class ProcessDesk(Desk):
         os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))  # nothing else ends it at once
 
     def carried(self, work: Callable[[], None], chore: bool = False) -> bool:
-        """Do some work; False where the user has cancelled it. A chore makes way for a message, and comes again."""
+        """Do some work; False if it was cancelled."""
         self._chore = self.work.number + 1 if chore else 0
         ended = self.work.run(work) if not chore or self.messages.empty() else True
         self._chore = 0
         return ended or (chore and not self.messages.empty())
 
     def serve(self, opening: Opening) -> None:
-        """Open a log, then do what comes, and find out the rest while nobody asks."""
+        """Open a log, then answer messages and find out."""
         self.messages.put({"what": "open", "number": 0, "given": opening})
         threading.Thread(target=self._listen, daemon=True).start()
         while True:
