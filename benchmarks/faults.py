@@ -4,7 +4,7 @@
     python benchmarks/faults.py --first 40 --kinds covariate lagged_covariate --verbose
     python benchmarks/faults.py --clean ../shared/records      # rows of sound records that are flagged
 
-A device has the columns of one effect beside a static law and a lag of ten minutes, each worth thirty times the noise.
+A device has the columns of one effect besides a static law and a lag of ten minutes, each worth thirty times the noise.
 A model is fitted to 3000 sound rows; in 600 later rows one input has one fault. A row is wrong where the fault moves
 the corrected reading by more than five times the noise, and silent where it has no flag. `batch`: the whole record;
 `live`: one by one, then in blocks; `C`: the exported code. A thermometer that walks off slowly and one that stands

@@ -134,8 +134,8 @@ def gains(case: Case, kinds: list[str]) -> list[float]:
     columns = case.truth[kinds].to_numpy()
     found = []
     for k in range(len(kinds)):
-        beside = np.column_stack((np.ones(len(base)), base, np.delete(columns, k, axis=1)))
-        left = columns[:, k] - beside @ np.linalg.lstsq(beside, columns[:, k])[0]
+        others = np.column_stack((np.ones(len(base)), base, np.delete(columns, k, axis=1)))
+        left = columns[:, k] - others @ np.linalg.lstsq(others, columns[:, k])[0]
         found.append(float(left @ left) / NOISE**2 / 2)
     return found
 

@@ -259,7 +259,7 @@ def key(line: Line) -> str:
 
 
 def processor() -> str:
-    """Kind of processor, as BLAS knows it: some differ in what Python costs beside cross products by a half."""
+    """Kind of processor, as BLAS knows it: some differ in what Python costs besides cross products by a half."""
     return next((str(library["architecture"]) for library in threadpool_info() if "architecture" in library), "unknown")
 
 
@@ -280,7 +280,7 @@ _PAGE = """# What it costs
 
 Ratios of processor times within one process (the least of alternated runs, one BLAS thread), made by
 `python benchmarks/performance.py --write`, which also stores them for the check that runs before every change, by the
-kind of processor: some differ in what Python costs beside cross products by a half.
+kind of processor: some differ in what Python costs besides cross products by a half.
 
 {table}
 

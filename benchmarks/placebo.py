@@ -2,7 +2,7 @@
 
     python benchmarks/placebo.py ../shared/records
 
-Measured records are learned on 70 %: with their own thermometer, what is advised and its error on the rest beside the
+Measured records are learned on 70 %: with their own thermometer, what is advised and its error on the rest besides the
 best of level, static and dynamic; with the thermometers of other devices in its place, how often one is advised.
 (Simulated readings and thermometers that have nothing to do with each other: tests/test_advice.py, `pytest --long`.)
 """

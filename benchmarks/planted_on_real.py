@@ -3,7 +3,7 @@
     python benchmarks/planted_on_real.py ../shared/records --gain 40
     python benchmarks/planted_on_real.py ../shared/records --gain 15 --kinds drift step --seeds 3
 
-Each record keeps what nature did to it. A plant is sized by an oracle: generalised least squares, beside lags of at
+Each record keeps what nature did to it. A plant is sized by an oracle: generalised least squares, besides lags of at
 most a tenth of the record, with the spectrum fitted to the record's own residual, gains `--gain` in log likelihood on
 the average when the planted column is taken in. Recorded columns of other places (decoys, and one of them the culprit
 where a column is planted) stand besides the temperature.

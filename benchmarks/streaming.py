@@ -2,7 +2,7 @@
 
     python benchmarks/streaming.py --rows 1000000 10000000 100000000
 
-Each job runs in a process of its own, whose peak resident memory is printed beside that of a process that only imports
+Each job runs in a process of its own, whose peak resident memory is printed besides that of a process that only imports
 the package: pandas, pyarrow and scikit-learn are most of it. Pages of mapped columns count, though the system takes
 them back where it needs them. A record of 1e8 rows needs 2 GB of disk for a while.
 """

@@ -106,7 +106,7 @@ def columns_of(effect, X, **layout):
 
 
 def ramp(n=200, step=60.0, slope=0.001):
-    """Temperature that rises by `slope` [K/s]; seconds since the start beside it."""
+    """Temperature that rises by `slope` [K/s]; seconds since the start besides it."""
     seconds = step * np.arange(n)
     return timed(20 + slope * seconds, seconds), seconds
 

@@ -80,7 +80,7 @@ KINDS = {
     "several": {"effects": ALL_AT_ONCE},
     "several, in kelvin": {"effects": [Hinge(296.0), *ALL_AT_ONCE[2:]], "kelvin": True},
 }
-"""Models to export: the effect beside two lags and a slope; the first word is the kind."""
+"""Models to export: the effect besides two lags and a slope; the first word is the kind."""
 _COVERED = {kind.split(",")[0] for kind in KINDS}
 KINDS |= {effect.kind: {"effects": [effect]} for effect in LIVE if effect.kind not in _COVERED}
 DRIVER = """
@@ -117,7 +117,7 @@ class Run:
 
 
 def ambient(n, seed=0, irregular=False, kelvin=False, begin=BEGIN):
-    """A room with a daily wave, an air conditioner and a slow wander; humidity beside it. Whole microseconds."""
+    """A room with a daily wave, an air conditioner and a slow wander; humidity besides it. Whole microseconds."""
     rng = np.random.default_rng(seed)
     steps = PERIOD * (rng.uniform(0.2, 1.8, n) if irregular else np.ones(n))
     ticks = np.cumsum(np.round(steps * 1e6).astype(np.int64))

@@ -179,7 +179,7 @@ def lab():
 
 
 def test_the_rows_are_named(lab):
-    """A thermometer that says 400 K more in two rows: the second is believed, and the lags remember it."""
+    """A thermometer that says 400 K more in two rows: the second is accepted, and the lags remember it."""
     model, X, y = lab
     broken = X.copy()
     broken.iloc[500:502, 0] += 400.0

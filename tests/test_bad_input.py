@@ -150,7 +150,7 @@ CASES = {
     "other kind of times at predict": (lambda: model.predict(untimed()), "times of kind.*Give both"),
     "residuals of another length": (lambda: model.residuals(X, Y[:5]), "300 rows and y has 5"),
     "variants without readings": (lambda: compare_variants(X, np.full(N, np.nan)), "readings are missing.*Check"),
-    "options beside a model": (
+    "options besides a model": (
         lambda: compare_variants(X, Y, model=model, time_constants=[60.0], foo=3),
         "not both.*time_constants, foo",
     ),

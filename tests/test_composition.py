@@ -132,7 +132,7 @@ RUN = {
     "y in a list": lambda: model().fit(X, y.tolist()).predict(X),
     "arrays": lambda: fitted_arrays(),
     "a split without shuffling": lambda: split_in_time(),
-    "DummyRegressor beside it": lambda: cross_val_score(DummyRegressor(), X, y, cv=IN_TIME),
+    "DummyRegressor besides it": lambda: cross_val_score(DummyRegressor(), X, y, cv=IN_TIME),
     "metadata routing": lambda: str(model().get_metadata_routing()),
     "a picture of itself": lambda: model()._repr_html_(),
 }

@@ -19,7 +19,7 @@ DISPLAYS = [name for name in displays.__all__ if name.endswith("Display")]
 """All pictures."""
 pytestmark = [
     pytest.mark.newest,
-    pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not beside the tests"),
+    pytest.mark.skipif(not (DOCS / "making").is_dir(), reason="docs is not besides the tests"),
 ]
 
 

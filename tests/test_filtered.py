@@ -79,7 +79,7 @@ def switched(rng, often):
 
 OTHERS = {
     "slow": lambda rng: low_pass(0.97)(rng),
-    "slow beside the instrument's": lambda rng: 0.7 * low_pass(0.9)(rng) + 0.7 * rng.standard_normal(N),
+    "slow besides the instrument's": lambda rng: 0.7 * low_pass(0.9)(rng) + 0.7 * rng.standard_normal(N),
     "switched, far above the noise": lambda rng: 2 * switched(rng, 0.15) + 0.1 * rng.standard_normal(N),
     "switched often": lambda rng: switched(rng, 0.3) + 0.1 * rng.standard_normal(N),
     "a filter and slow": lambda rng: low_pass(0.6)(rng) + 0.7 * low_pass(0.99)(rng),
@@ -104,7 +104,7 @@ def test_a_step_beside_a_filter_is_not_calmed():
 @pytest.mark.long
 @pytest.mark.parametrize("period", [2.31, 3.17, 7.3, 41.0])
 def test_a_wave_is_named_once_and_by_its_period(period):
-    """Beside a wave whose period was a tenth of a cycle off over the record, the rest of it was a second one."""
+    """Besides a wave whose period was a tenth of a cycle off over the record, the rest of it was a second one."""
     for seed in range(4):
         wave = np.sin(2 * np.pi * np.arange(N) / period)
         _, found = told(*record(seed, lambda rng: rng.standard_normal(N), more=0.8 * wave))

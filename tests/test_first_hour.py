@@ -201,7 +201,7 @@ def moved(record, rows, by):
             "3650D",
             r"Row 1199 stands far apart .* follows 2024-03-04 19:58:00 in row 1198 after 9.99 y",
         ),
-        (slice(-3, None), "3650D", r"Rows 1197 to 1199 stand far apart .* Are their times damaged\? Mend them"),
+        (slice(-3, None), "3650D", r"Rows 1197 to 1199 stand far apart .* Are their times damaged\? Correct them"),
         (
             slice(0, 1),
             "-3650D",

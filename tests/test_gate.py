@@ -18,7 +18,7 @@ MOTION = Motion(low=20.0, high=26.0, spread=1.0, farthest=0.1, rest=60.0, step=6
 
 
 def judged(values, times=None, max_gap=np.inf, motion=MOTION):
-    """What a gate says of rows, a minute apart by default: values, twins, held, believed."""
+    """What a gate says of rows, a minute apart by default: values, twins, held, accepted."""
     times = 60.0 * np.arange(len(values)) if times is None else times
     single = Gate(motion, max_gap)
     said = [single.one(float(value), float(time)) for value, time in zip(values, times, strict=True)]
@@ -53,7 +53,7 @@ def test_a_value_that_stays_is_doubted_until_it_returns():
     said = judged(values)
     assert np.flatnonzero(said.held).tolist() == [20]
     assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, 30))
-    assert (said.twin[21:30] == values[19]).all() and not said.believed.any()
+    assert (said.twin[21:30] == values[19]).all() and not said.accepted.any()
 
 
 @pytest.mark.parametrize("moved", [2.0, 9.0])
@@ -61,7 +61,7 @@ def test_a_room_that_has_moved_is_believed_after_a_while_in_the_fitted_range(mov
     values = quiet(200)
     values[20:] += moved
     said = judged(values)
-    end = int(np.append(np.flatnonzero(said.believed), 200)[0])
+    end = int(np.append(np.flatnonzero(said.accepted), 200)[0])
     assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, end))
     assert 20 < end < 140 if moved < 5 else end == 200
 
@@ -74,7 +74,7 @@ def test_a_fault_is_not_believed_by_the_clock(bad, missing):
     values[20 : 20 + bad] += 9.0
     kept = np.r_[0 : 20 + bad, 20 + bad + missing : 200]
     said = judged(values[kept], 60.0 * minutes[kept])
-    assert not said.believed.any()
+    assert not said.accepted.any()
     assert np.flatnonzero(np.isfinite(said.twin)).tolist() == list(range(20, 20 + bad))
 
 
@@ -205,7 +205,7 @@ def test_a_fault_of_less_than_thirty_rows_is_not_back_before_it_is(size, rows):
     values[20 : 20 + rows] += size
     said = judged(values)
     assert np.flatnonzero(np.isfinite(said.twin)).tolist()[:rows] == list(range(20, 20 + rows))
-    assert not said.believed.any()
+    assert not said.accepted.any()
 
 
 def same_as_whole(model, X, y, sizes):

@@ -11,7 +11,7 @@ EXTRAS = {"distributed": "distributed", ".plot(": "matplotlib", "workbench(": "a
 """What a page mentions -> the module that it needs then."""
 
 
-@pytest.mark.skipif(not GUIDE.is_dir(), reason="docs/guide is not beside the tests")
+@pytest.mark.skipif(not GUIDE.is_dir(), reason="docs/guide is not besides the tests")
 def test_there_is_a_guide():
     assert len(PAGES) >= 8
 

@@ -151,7 +151,7 @@ def test_type_checkers_of_users_are_told_that_there_are_types():
     assert (PACKAGE / "py.typed").is_file()
 
 
-@pytest.mark.skipif(not (PACKAGE.parent / "CITATION.cff").is_file(), reason="the checkout is not beside the package")
+@pytest.mark.skipif(not (PACKAGE.parent / "CITATION.cff").is_file(), reason="the checkout is not besides the package")
 def test_the_version_to_cite_is_this_one():
     assert f"\nversion: {thermocorr.__version__}\n" in (PACKAGE.parent / "CITATION.cff").read_text(encoding="utf-8")
 

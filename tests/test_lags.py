@@ -170,7 +170,7 @@ def test_even_stretches_of_uneven_steps_give_the_same_bits(hold):
     random = np.random.default_rng(4)
     lengths = random.integers(1, 700, 12)
     stretches = [np.full(n, 15.0) if i % 2 else random.uniform(1.0, 60.0, n) for i, n in enumerate(lengths)]
-    stretches[2][-1], stretches[6][5] = 1e5, 4e6  # gaps: a long step beside short ones
+    stretches[2][-1], stretches[6][5] = 1e5, 4e6  # gaps: a long step besides short ones
     steps = np.concatenate(stretches)
     T = room(len(steps))
     tau = np.array([0.02, 15.0 / np.log(2.0) * 2, 43.0, 44.0, 60.0, 175.0, 3600.0, 1e5, 1e9])  # 0.35 = ln(2)/2 is near

@@ -11,7 +11,7 @@ import pytest
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 TEXTS = sorted((NOTEBOOKS / "texts").glob("*.md"))
-pytestmark = pytest.mark.skipif(not TEXTS, reason="notebooks is not beside the tests")
+pytestmark = pytest.mark.skipif(not TEXTS, reason="notebooks is not besides the tests")
 
 
 @pytest.fixture(scope="module")

@@ -150,7 +150,7 @@ def test_gaps_in_a_block_are_told_from_false_dates_as_one_by_one(late, max_gap):
     model = DynamicBiasRegressor(time_constants=[120.0, 900.0], max_gap=max_gap).fit(X[:800], y[:800])
     rows = np.setdiff1d(np.arange(800, 1300), np.r_[840:860, 861:875, 900:930, 1010:1040, 1270:1299])
     X, y, dates = X.iloc[rows], y.iloc[rows], X.index[rows].to_numpy().copy()
-    dates[late] += np.timedelta64(1, "D")  # the first of two such dates is believed, as the second speaks for it
+    dates[late] += np.timedelta64(1, "D")  # the first of two such dates is accepted, as the second speaks for it
     X = X.set_axis(pd.DatetimeIndex(dates))
     single = OnlineCorrector(model, uncertainty=True, average=5)
     samples = one_by_one(single, X, y)

@@ -158,7 +158,7 @@ def test_a_coefficient_has_digits_down_to_its_standard_error():
 
 
 def test_sentences_have_the_signs_of_print_and_no_rounding_of_zero():
-    """uV stood beside µV, degF² beside °F, and a range began at -3.253e-17."""
+    """uV stood besides µV, degF² besides °F, and a range began at -3.253e-17."""
     assert unit_text("uohm/degF^2") == "µΩ/°F²" and unit_text("V*degC") == "V*°C"
     place = pd.Series({"aspect": "rate", "unit": "K/h", "low": -3.253e-17, "high": 0.2})
     assert ends_text(place) == ("0", "0.2")

@@ -217,7 +217,7 @@ def test_page_and_export_say_that_a_unit_was_taken_by_its_size(named, record, tm
     X = stated(record, "degC", "degC" if named else "")
     model = DynamicBiasRegressor("temperature", ["5 min"]).fit(X, record["reading"])
     page = report_text(model, X, record["reading"], Answer())
-    assert ("name no unit of &#39;temperature&#39;: its values were taken for °C by their size" in page) != named
+    assert ("name no unit of &#39;temperature&#39;: °C is assumed" in page) != named
     export_c(model, tmp_path / "bias", name="bias")
     line = next(line for line in (tmp_path / "bias" / "bias.h").read_text().splitlines() if "Temperature: " in line)
     assert " degC" in line and ("the record named none" in line) != named

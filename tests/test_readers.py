@@ -176,7 +176,7 @@ def test_what_was_understood_is_noted(written):
     path = written(semicolons(head="My log\nDatum;Temperatur [°C];Messwert [mV]\n").encode("latin-1"))
     log = read_log(path)
     assert log.attrs["notes"] == [
-        "in Windows-1252, as far as one can tell", "separated by semicolons", "decimal comma",
+        "probably in Windows-1252", "separated by semicolons", "decimal comma",
         "1 line above the header", "times from 'Datum' as %d.%m.%Y %H:%M:%S",
     ]  # fmt: skip
     assert log.attrs["units"] == {} and unit_of("Messwert [mV]", log) == "mV"
@@ -204,7 +204,7 @@ def test_what_is_left_out_is_counted_and_named(written):
         "1 line left out",
         "1 cell of 'temperature' left out, such as 'wet'",
         "1 row without a time",
-        "2 rows with the time of one before",
+        "2 rows with a repeated time",
     ):
         assert words in notes
     head, *rows = plain().splitlines()

@@ -10,7 +10,7 @@ README = Path(__file__).parents[1] / "README.md"
 
 def test_readme_prints_what_it_says(tmp_path, monkeypatch):
     if not README.exists():
-        pytest.skip("README.md is not beside the tests")
+        pytest.skip("README.md is not besides the tests")
     monkeypatch.chdir(tmp_path)  # it writes a model file
     blocks = list(run(README.read_text(encoding="utf-8")))
     assert blocks

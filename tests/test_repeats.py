@@ -42,7 +42,7 @@ def test_readings_that_stand_in_several_rows_are_no_effect(seed, rows):
     model, found, said = told(X, repeated)
     assert found.verdict == "nothing missing"
     again = N - len(np.unique(first))
-    assert f"{again} of the readings are the one of the row before" in said
+    assert f"{again} readings repeat the row before" in said
     once, other = repeated.mask(repeated == repeated.shift()), DynamicBiasRegressor("temperature")
     assert model.residual_std_ == pytest.approx(other.fit(X, once).residual_std_, rel=1e-12)
     assert model.flags(X, repeated).eq("").all()  # later rows are corrected: what is measured is still shown

@@ -56,7 +56,7 @@ def test_each_run_is_corrected_to_its_own_level(apart, seed):
 
 
 def test_levels_belong_to_every_model_with_one_effect_more():
-    """A step beside them once made all runs share one level, and the fit worse than without it."""
+    """A step besides them once made all runs share one level, and the fit worse than without it."""
     X, y = two_runs(apart=0.5)
     model = fitted(X, y)
     longer = with_missing(model, Step(float(60 * 1500))).fit(X, y)

@@ -123,9 +123,9 @@ def test_a_record_says_which_time_constants_it_cannot_determine(lab):
         DynamicBiasRegressor(time_constants=[20.0, 3600.0]).fit(X, y)
     with pytest.warns(RecordWarning, match="1 h and 1.001 h work against each other"):
         DynamicBiasRegressor(time_constants=[300.0, 3600.0, 3605.0]).fit(X, y)
-    with pytest.warns(RecordWarning, match=r"1\.6667 h and 1\.6669 h cannot be told apart"):
+    with pytest.warns(RecordWarning, match=r"1\.6667 h and 1\.6669 h cannot be distinguished"):
         model = DynamicBiasRegressor(time_constants=[400.0, 6000.0, 6001.0]).fit(*planted(1, 4000))
-    assert any("told apart" in note for note in model.notes_)
+    assert any("distinguished" in note for note in model.notes_)
 
 
 def test_runs_are_groups():

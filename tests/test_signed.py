@@ -103,7 +103,7 @@ def test_a_constant_error_of_the_thermometer_cancels(fitted):
 
 
 def test_noise_of_the_thermometer_counts_as_far_as_the_device_follows_it(fitted):
-    """Beside readings corrected with noisy temperatures, which the model turns into noise of the bias."""
+    """Besides readings corrected with noisy temperatures, which the model turns into noise of the bias."""
     model, X, y, _ = fitted
     stated = model.uncertainty(X, y, sensor=Sensor(noise=0.05)).frame()["u_sensor"].iloc[500]
     noisy = X + 0.05 * np.random.default_rng(1).standard_normal(X.shape)

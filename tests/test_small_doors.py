@@ -20,7 +20,7 @@ from thermocorr.records.errors import printable
 OF_THE_CODE = """
     s j k m g in other bias share result reading temperature columns change flags first step started called seconds
     elapsed gain lag lag1 tau1 v1 before previous play delayed judge judged_as motion_of motions advance gate course
-    rows state init update worst wrong off expected ROWS INPUTS BELIEVED H
+    rows state init update worst wrong off expected ROWS INPUTS ACCEPTED H
 """.split()  # noqa: SIM905
 OF_C = """
     int float double main inline restrict register static void default errno signal isnan isfinite NAN INFINITY exp

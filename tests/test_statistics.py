@@ -234,7 +234,7 @@ def test_what_cannot_be_used_is_refused():
 # the same rows, in one piece: Norris 13.3, Longley 10.9, Filip 7.4, Wampler1-5: 9.3, 12.6, 9.5, 7.8, 5.8.
 # Norris: the intercept of -0.26 is a difference of means of 430, which costs 3 of 15 digits.
 # Filip: raw powers up to the tenth, condition 5e9 with columns of unit length.
-# Wampler3-5: residuals of 2e3, 2e5 and 2e7 beside coefficients of 1.
+# Wampler3-5: residuals of 2e3, 2e5 and 2e7 besides coefficients of 1.
 DIGITS = {
     #            worst  middle  residual  errors
     "Norris": (11.5, 12.3, 12.6, 12.6),

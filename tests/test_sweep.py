@@ -111,7 +111,7 @@ def exact(Q, U):
 )
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_neighbouring_time_constants_keep_their_digits(taus, largest, seed):
-    """Fitted values beside those of 80 bits, in units of the noise of the readings, 0.01."""
+    """Fitted values besides those of 80 bits, in units of the noise of the readings, 0.01."""
     X, y = room(20_000, seed=seed)
     effects = [StaticPolynomial(1), ThermalLag(taus.tolist())]
     record = read_record(X, Layout(), y=y, quiet=True)

@@ -133,7 +133,7 @@ def test_of_coarse_steps_it_is_a_size_and_twice_that_a_bound(step, within):
 
 
 def test_a_declared_noise_explains_what_cannot_be_seen():
-    """20 mK at a row a minute beside a thermostat of ten minutes."""
+    """20 mK at a row a minute besides a thermostat of ten minutes."""
     X, y, _ = seen_by("lab", 201, 0.02)
     said = [
         diagnose(DynamicBiasRegressor(temperature).fit(X, y), X, y)

@@ -83,7 +83,7 @@ def test_restricted_likelihood_finds_the_noise_of_a_record():
 
 
 def test_the_covariance_is_that_of_generalised_least_squares():
-    """Beside the covariance matrix of the noise that was found: cosines are good for 6 % of a standard error."""
+    """Besides the covariance matrix of the noise that was found: cosines are good for 6 % of a standard error."""
     rng = np.random.default_rng(3)
     n = 600
     A = np.column_stack((np.ones(n), np.sin(np.arange(n) / 15), np.cumsum(rng.standard_normal(n)) / 20)) / np.sqrt(n)

@@ -34,7 +34,7 @@ class Person:
         return self.driver.execute_script(f"return {code.strip()}", *given)
 
     def faults(self):
-        """What the console says beside acts that were refused, and curves of a state that had just gone."""
+        """What the console says besides acts that were refused, and curves of a state that had just gone."""
         return [said for said in complaints(self.driver) if not ("/api/" in said and "Failed to load" in said)]
 
     def sees(self, code):

@@ -19,7 +19,7 @@ Longer stories, with their outputs as they were when the notebooks were last exe
 
 
 def copy(source: Path, target: Path) -> None:
-    """Copy ``*.ipynb`` beside an index page; Sphinx reads only what lies below its own folder."""
+    """Copy ``*.ipynb`` besides an index page; Sphinx reads only what lies below its own folder."""
     target.mkdir(exist_ok=True)
     names = []
     for path in sorted(source.glob("*.ipynb")):

@@ -135,7 +135,7 @@ def _read_as(loaded: Loaded, comparison: VariantComparison) -> list[str]:
     thermometers, unit = model.thermometers_, unit_text(model.reading_.temperature_unit)
     named = f"temperature{'s' * (len(thermometers) > 1)} {', '.join(map(repr, thermometers))}"
     against = "" if model.reference is None else f" less {model.reference!r}"
-    by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else " by their size"
+    by_size = "" if unit_of(next(iter(thermometers)), loaded.log) else ", as its values suggest"
     return [
         f"{model.reading_.n_readings} readings of {loaded.reading!r}{against}, {named} ({unit}{by_size}), a row every "
         f"{span_text(model.features_.history_.usual_step)}",

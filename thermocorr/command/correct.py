@@ -37,7 +37,7 @@ POLL = 0.1
 REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""
 MANY = 0.1
-"""Share of flagged rows from which it is said how many there are."""
+"""Share of flagged rows at which their number is printed."""
 SHOWN = 20
 """Notes on lines that are shown; further ones are counted."""
 AT_ONCE = 1 << 16
@@ -265,10 +265,10 @@ def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
     flags, notes, begun = Counter[str](), 0, False
     with _opened(options.log) as source:
         for piece in _pieces(source, options.follow, options.log):
-            rows, told = log.feed(piece)
-            for note in told[: max(0, SHOWN - notes)]:
+            rows, said = log.feed(piece)
+            for note in said[: max(0, SHOWN - notes)]:
                 _complain(note)
-            notes += len(told)
+            notes += len(said)
             if not begun and (header := log.header()) is not None:
                 results = live.update_many(*columns.as_fitted(header, options.log))
                 _answer(header, results, header=True)

@@ -65,7 +65,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 def add_column_options(parser: argparse.ArgumentParser) -> None:
     """Add what the columns of a whole log are."""
     columns = parser.add_argument_group(
-        "columns of the log (told by their names, units and values where nothing is said)"
+        "columns of the log (found by their names, units and values where nothing is said)"
     )
     columns.add_argument(
         "--temperature",

@@ -45,7 +45,7 @@ def of_own_columns(effect: Any, runs: Sequence[Run], rng: np.random.Generator) -
 
 Parameters = dict[str, Any]
 COLUMNS = ("humidity", "pressure", "supply")
-"""Recorded columns that a planted effect may use unless told otherwise."""
+"""Recorded columns that a planted effect may use by default."""
 
 
 class Run(NamedTuple):
@@ -61,7 +61,7 @@ class Run(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Samples of all runs, from which plausible parameters are drawn."""
+    """Samples of all runs, that plausible parameters are drawn for."""
 
     step: float
     """Sampling period [s]."""

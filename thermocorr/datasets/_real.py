@@ -21,7 +21,7 @@ _PASTAS_LICENSE = "MIT, Copyright (c) 2016-present R.A. Collenteur, M. Bakker, R
 @dataclass(frozen=True)
 class _Record:
     sha256: str
-    """Checksum of the file from which the guide's figures come."""
+    """Checksum of the file behind the guide's figures."""
     physics: str
     reading: str
     temperature: str
@@ -134,7 +134,7 @@ def load_real_record(
 ) -> pd.DataFrame:
     """Load a measured record from ``<name>/<name>.csv``.
 
-    Warns (`RecordWarning`) where the file is not the one from which the guide's figures come.
+    Warns (`RecordWarning`) where the file is not the one at which the guide's figures come.
 
     The records, their physics and where they come from:
 

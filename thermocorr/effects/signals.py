@@ -2,7 +2,7 @@
 
 An effect's formula stands in one place, `Effect.signals(x)`, as an expression over `x`: ``x.T``, ``x["humidity"]``,
 ``x.seconds``, ``x.exp(...)``, and the words with a memory, ``x.lag(...)``, ``x.previous(...)``, ``x.play(...)``,
-``x.delayed(...)``. Whoever runs it decides what `x` is: arrays of a block of rows (here), symbols from which live
+``x.delayed(...)``. Whoever runs it decides what `x` is: arrays of a block of rows (here), symbols that live
 samples and C are written (`expressions`).
 """
 

@@ -152,8 +152,8 @@ class ThermalLag(Effect):
     hold : {"first_order", "zero_order"}
         Temperature between samples: a straight line or the earlier value.
 
-    The device starts at rest with the first temperature; `InitialTransient` stands for what it starts with beside that.
-    As printed, eqs. (17) (25) have the steady state T/xi in K s, from which (19) subtracts T in K: here ``xi psi``, the
+    The device starts at rest with the first temperature; `InitialTransient` stands for any other start.
+    As printed, eqs. (17) (25) have the steady state T/xi in K s, and (19) subtracts T in K: here ``xi psi``, the
     temperature that a body of time constant 1/xi has, takes its place. Linear fits span the same space in both forms.
     """
 

@@ -165,7 +165,7 @@ def averaging_factors(
 
 
 class CellSums:
-    """Cumulative sums of a piece, from which every average follows."""
+    """Cumulative sums of a piece, behind every average."""
 
     def __init__(self, values: Floats):
         known = np.isfinite(values)
@@ -212,7 +212,7 @@ def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray
     exponents: list[int] = []
     for m in factors:
         averages = [piece.means(int(m), int(m)) for piece in sums]
-        # Averages from which the kind of noise is read at an averaging time; with fewer, it is that of the one before
+        # Averages that show the kind of noise at an averaging time; with fewer, it is that of the one before
         enough = max((int(np.isfinite(a).sum()) for a in averages), default=0) >= 30
         exponents.append(min(noise_exponent(averages), 0) if enough else (exponents[-1] if exponents else 0))
     return np.array(exponents, np.int_)

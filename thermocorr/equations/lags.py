@@ -1,7 +1,7 @@
 """First-order thermal lags, eqs. (17) (19) (25).
 
 A body of time constant ``tau`` follows the ambient temperature T by ``tau d(lagged)/dt = T - lagged``:
-eq. (17) in its unit-gain form. As printed, (17) and (25) have the steady state ``T tau`` [K s], from which
+eq. (17) in its unit-gain form. As printed, (17) and (25) have the steady state ``T tau`` [K s];
 (19) subtracts T [K]; the unit-gain form (``lagged = psi / tau``, steady state T) is the temperature that the
 paper plots. Linear fits span the same space either way; penalties, coefficients and products do not.
 
@@ -196,10 +196,10 @@ def bridge_error(structure: Structure, length: float, time_constants: Floats) ->
 
     end, share = np.array(length), t / length
     cross = share[:, None] * g(end, t)
-    beside = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
+    conditional = g(t[:, None], t) - cross - cross.T + np.outer(share, share) * g(end, end)
     felt = np.diff(np.exp((edges - length) / time_constants[:, None]), axis=1)
     # an estimated D may be that of no quantity: the nearest covariance (Higham, Linear Algebra Appl. 103, 1988)
-    values, vectors = np.linalg.eigh(felt @ beside @ felt.T)
+    values, vectors = np.linalg.eigh(felt @ conditional @ felt.T)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 

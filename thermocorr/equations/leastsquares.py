@@ -24,9 +24,9 @@ Floats = NDArray[np.float64]
 
 _PANEL = 8  # columns that LAPACK reflects at once
 NARROW, SHORT = 40, 800  # columns and rows up to which triangles are merged at once: half the time of one by one
-WIDE = 64  # columns from which those that rows have nothing in are looked for
+WIDE = 64  # columns at which columns of zeros are looked for
 WELL_CONDITIONED = 1e-8
-"""Reciprocal condition of the unit-column triangle from which its columns are surely independent."""
+"""Reciprocal condition of the unit-column triangle at which its columns are surely independent."""
 
 
 def triangle(matrix: Floats) -> Floats:
@@ -301,7 +301,7 @@ class BorderedFactor:
             sums[group.own], squares[group.own] = np.einsum("sij,si->sj", own, one), np.einsum("sij,sij->sj", own, own)
         length = np.sqrt(np.maximum(squares - sums**2 / self.n_rows, 0.0))
         together = triangle(np.concatenate([g.rows[:, :, g.k :].reshape(-1, len(self.shared)) for g in self.groups]))
-        inside = self.shared[1:-1]  # their means may be large: only a triangle keeps what is beside these
+        inside = self.shared[1:-1]  # their means may be large: only a triangle keeps the rest
         sums[inside], length[inside] = together[0, 1:-1] * together[0, 0], np.linalg.norm(together[1:, 1:-1], axis=0)
         return sums[1:] / self.n_rows, length[1:]
 

@@ -243,7 +243,7 @@ UPPER = 4
 WHITE = 1.5
 """Ratio of the powers in the two upper octaves up to which the reading is white there."""
 SLOW, FOLLOWS = 64, 0.8
-"""Rows of a block, and squared correlation of the means of blocks from which a column follows the reading where it is
+"""Rows of a block, and squared correlation of the means of blocks at which a column follows the reading where it is
 slow, too. A quick cause, of which a slow sensor has as much of the noise, is not all that is slow in the reading."""
 SAME_SCALE = 1.25
 """Ratio of their standard deviations up to which it shows it on one scale."""
@@ -291,7 +291,7 @@ def shows_the_same(column: Floats, reading: Floats) -> bool:
     spread, own = np.std(reading), np.std(column)
     if not spread / SAME_SCALE < own < SAME_SCALE * spread or abs(np.mean(column) - np.mean(reading)) > spread:
         return False
-    # Squared correlation from which a column may show what the reading shows
+    # Squared correlation at which a column may show what the reading shows
     return bool(np.corrcoef(column, reading)[0, 1] ** 2 > 0.5)
 
 
@@ -332,7 +332,7 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
     if not _is_white(frequency[upper], power.real[upper]) or not of_column[upper].any():
         return False
     shared = np.abs(cross[upper]) ** 2 / np.maximum(power.real[upper] * of_column[upper], np.finfo(float).tiny)
-    # Mean coherence in these octaves from which a column has the reading's noise. A mean of 100 rows has 0.5: the other
+    # Mean coherence in these octaves at which a column has the reading's noise. A mean of 100 rows has 0.5: the other
     # half is that of the rows that go.
     if shared.mean() < 0.45:
         return False
@@ -340,8 +340,8 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
     together, own_alone, alone = (np.fft.irfft(each) for each in (cross, of_column, power))  # by Wiener-Khinchin
     later = together[1 : WINDOW // 4].max() / np.sqrt(own_alone[0] * alone[0])
     # Ratio of the reading's response to the column in the upper octaves, over that below a quarter of their lower end,
-    # from which the column is smoother than what it would cause
-    # Correlation of the steps with those of the reading some rows before from which the column is an earlier reading
+    # at which the column is smoother than what it would cause
+    # Correlation of the steps with those of the reading some rows before at which the column is an earlier reading
     return bool(fast > 2.0 * slow or later > 0.9)
 
 

@@ -1,6 +1,6 @@
 """Values that are no measurements: codes, isolated spikes, repeats.
 
-A spike is told from what a device really does by three things. It is alone or one of a pair, and what comes after it
+Three things distinguish a spike from what a device really does. It is alone or one of a pair, and what comes after it
 agrees with what came before: a step, a pulse that decays, a warm-up do not return. It is far beyond the record's own
 increments, whose tail is predicted from its bulk by a power law: noise with heavy tails has no spikes. And no fewer of
 the record's jumps of that size return than stay: a random telegraph has no spikes either.
@@ -41,7 +41,7 @@ FEWEST = 30
 """Readings below which no noise is estimated, so that nothing is a spike; and of those that stand in more than one row,
 below which nothing is said of them."""
 MOST = 0.02
-"""Share of the readings from which spikes are the noise itself."""
+"""Share of the readings at which spikes are the noise itself."""
 
 
 DEVIATION = 1.4826 / np.sqrt(2)
@@ -94,7 +94,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
         return Usual(middle=middle, low=low, high=high, noise=0.0, reach=np.inf)  # it stands still: no jump is unusual
     peaks = np.sort(peak_heights(steps))
     fewest = max(1e-3, 10 / len(values))
-    # Shares of the rows from which, too, the tail is predicted: where as many are spikes, they are no part of it
+    # Shares of the rows at which, too, the tail is predicted: where as many are spikes, they are no part of it
     shares = [fewest, *(share for share in (3e-3, 1e-2, 3e-2) if share > fewest)]
     n = max(n_rows or 0, len(values))
     predicted = min(_predicted(peaks, share, n, noise) for share in shares)
@@ -120,7 +120,7 @@ def _below_a_gap(peaks: Floats, noise: float) -> float:
     """
     top = peaks[int((1 - MOST) * len(peaks)) :][::-1]
     high, low = top[GAP_FROM - 1 : -1], np.maximum(top[GAP_FROM:], noise)
-    # Ratio of the heights of one of the largest peaks and the next, from which what is above is no tail
+    # Ratio of the heights of one of the largest peaks and the next, at which what is above is no tail
     gaps = np.flatnonzero((high > SPIKE * noise) & (high > 2.0 * low))
     return float(np.sqrt(high[gaps[-1]] * low[gaps[-1]])) if len(gaps) else np.inf
 
@@ -226,8 +226,8 @@ def _found(values: Floats, first: int, decided: tuple[int, int], usual: Usual) -
     spiked, heights, jumped = _peaks(values[left], usual)
     spikes, staying = first + left[spiked], first + left[jumped]
     sizes = np.abs(values[left[jumped]] - values[left[jumped - 1]])
-    told = inside(spikes)
-    return Found(codes[inside(codes)], spikes[told], heights[told], sizes[inside(staying)], repeats)
+    clear = inside(spikes)
+    return Found(codes[inside(codes)], spikes[clear], heights[clear], sizes[inside(staying)], repeats)
 
 
 def _coded(values: Floats, usual: Usual) -> Booleans:
@@ -239,7 +239,7 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
     repeated = np.zeros(len(values), bool)
     repeated[1:] = values[1:] == values[:-1]
     repeated[:-1] |= repeated[1:]
-    # Distance [ranges] from which any number that repeats itself exactly is a code
+    # Distance [ranges] at which any number that repeats itself exactly is a code
     beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, 1000.0))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False])).astype(int)))
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -283,14 +283,14 @@ def _returned(values: Floats, first: Rows, length: int, usual: Usual) -> tuple[B
     away = np.abs(values[first[:, None] + np.arange(length)] - ((before + after) / 2)[:, None])
     heights[complete] = height = away.min(axis=1)
     high = height > max(usual.reach, SPIKE * usual.noise)  # else the noise nearby need not be looked at
-    noise = np.maximum(usual.noise, _noise_beside(values, first[high], length))
+    noise = np.maximum(usual.noise, _noise_around(values, first[high], length))
     # A spike has returned if the readings after and before it differ by less than this share of its height
     agree = np.abs(after - before)[high] <= np.maximum(3 * noise, 0.2 * height[high])
     returned[complete[high]] = agree & (height[high] > SPIKE * noise)
     return returned, heights
 
 
-def _noise_beside(values: Floats, first: Rows, length: int) -> Floats:
+def _noise_around(values: Floats, first: Rows, length: int) -> Floats:
     """Noise of the rows around each of `first`."""
     rows = first[:, None] + np.concatenate((np.arange(-NEARBY, 0), np.arange(length, length + NEARBY)))
     near = values.take(rows, mode="clip")
@@ -326,7 +326,7 @@ def spikes(values: Floats, rounding: float = 0.0) -> Booleans:
 
 DIGIT, FEW_DIGITS, COARSE = 0.1, 2.5, 0.5
 """Quantile of the steps to and from what stands still that is a digit where readings are coarse; number of digits that
-their steps have at most; share of such steps from which readings are coarse. Of white noise of many digits it is a
+their steps have at most; share of such steps at which readings are coarse. Of white noise of many digits it is a
 quarter."""
 UNEVEN, JITTER, JUST, TRIMMED = 1.25, 0.15, 0.02, 0.02
 """How unevenly repeated readings may stand: variance of their numbers of rows over that of a logger that asks at even
@@ -361,7 +361,7 @@ def is_repeated(values: Floats) -> bool:
     first = np.flatnonzero(~again)
     shown, rows = values[first], np.diff(first, append=len(values))
     stands = rows > 1
-    # Share of the readings that stand in more than one row, from which they may be repeated: those of white noise of
+    # Share of the readings that stand in more than one row, at which they may be repeated: those of white noise of
     # 1.9 digits do as often, and move on by two digits or less in two of three steps
     if stands.sum() < max(FEWEST, 0.15 * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
         return False

@@ -94,7 +94,7 @@ class Program:
 def program_of(effects: Sequence[Any], weights: Sequence[Any], began: float, usual_step: float) -> Program:
     """Print the formulas of learned effects.
 
-    `weights`: Coefficients of each one's columns. `began`: Absolute time at which the fitted record began, from which
+    `weights`: Coefficients of each one's columns. `began`: Absolute time at which the fitted record began, where
     phases of periods count [s]. `usual_step` [s]: Delays keep as many samples as twice the usual rate needs.
 
     Raises ValueError for an effect that has no formula, or needs later samples.

@@ -137,8 +137,8 @@ def suspect_record(model: DynamicBiasRegressor, read: Record, X: Any, y: Any, co
     if columns is None:
         columns = [name for name in _numeric(X) if name not in special]
     columns = [name for name in columns if name != layout.reference]
-    told = screened(read, model.features_.longest_step())[0]
-    read = told if model.screen else replace(read, refused=told.refused)
+    checked = screened(read, model.features_.longest_step())[0]
+    read = checked if model.screen else replace(read, refused=checked.refused)
     suspects = {name: _recorded(X, name) for name in columns if name not in read.columns}
     short, sound = in_memory(read, suspects)
     values = {name: short.columns[name] for name in suspects if sound[name] > MOST_SOUND}

@@ -118,7 +118,7 @@ def lacking(pool: Pool, exclude: Collection[str]) -> list[Cause]:
         return []
     kinds = [kind for name, kind in CATALOGUE.items() if kind.thermal_rank and name not in exclude]
     thermal = pool.unmade([effect for kind in kinds for effect in kind.candidates(pool.record)])
-    search = Search(pool.beside(np.column_stack((pool.own, *pool.start)), thermal), anywhere=())
+    search = Search(pool.given(np.column_stack((pool.own, *pool.start)), thermal), anywhere=())
     search.run(most=1)
     return [cause for cause in by_worth(pool, search.terms(), search)[0] if cause.worth.both >= HELPFUL]
 

@@ -14,7 +14,7 @@ PROVABLE = 12.0
 """Log likelihood that a drift or step gains on the average where it is proven half of the time: the level, for a family
 of seven hundred tests (chi-square, one degree of freedom)."""
 DRIFT_TO_STEP, DRIFT_TO_NOISE = 7.0, 3.0
-"""The smallest drift that could be told, over the smallest step and over a reading's noise, from which drifts hide in
+"""The smallest drift that could be seen, over the smallest step and over a reading's noise, at which drifts hide in
 what the model has. In ordinary records the smallest drift is two to four steps, in few steps of a chamber up to 26."""
 TO_A_DECADE = 8
 """Points that a spectrum has to a factor of ten in frequency."""
@@ -25,7 +25,7 @@ FILTER_LENGTH, FILTER_WHITE = (15.0, 2.0), 0.1
 GAUSSIAN = (2.4, 4.5)
 """Fourth moments between which noise is Gaussian, as a filter's is."""
 TAILS, NINE_TENTHS = 3.0, 1.645
-"""Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), from which a few readings
+"""Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), at which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
 LONGEST_MEAN = 3
 """Means of equal length that a record must hold: structure below the noise of the longest such mean is no error that a
@@ -48,7 +48,7 @@ MOST_SOUND = 0.95
 """Share of a recorded column's numbers that must be numbers for it to be a suspect."""
 FINE = 25_000
 """Stretches that a record is averaged over at most. A delay of a few samples is blurred in long averages: with 12 000,
-a second, neighbouring delay is named beside the true one in two of seven simulated records, not in one."""
+a second, neighbouring delay is named besides the true one in two of seven simulated records, not in one."""
 FEWEST = 100
 """Readings below which a record is too short to judge: there are about twenty columns in the base."""
 LAGS = 14
@@ -81,7 +81,7 @@ TIME_LIKE = 0.999_999
 MOST_EMPTY = 8
 """Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""
 LEAST_OWN = 0.1
-"""Share of a wave, or of a law that changes at a row, outside the base, below which its gain is not told."""
+"""Share of a wave, or of a law that changes at a row, outside the base, below which its gain is unknown."""
 FAINT = 1e-9
 """Share of the inverse covariance of a noise that is too little to be carried along from row to row."""
 TAKEN = 2_000
@@ -95,7 +95,7 @@ NYQUIST = 0.98
 LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
 BETWEEN = (-0.5, 0.0, 0.5)
-"""Rows beside the best delay of whole rows at which delays are tried, too."""
+"""Rows besides the best delay of whole rows at which delays are tried, too."""
 FEWEST_SWINGS = 1
 """Times that the temperature must turn by more than the width of a hysteresis: there and back."""
 ONE_WAY = 0.3
@@ -159,16 +159,16 @@ TURNS = 3
 
 INFLATION = 1.5
 """What the copies gain, over what noise that is as it seems would give them, up to which evidence counts in full:
-chance gives more once in forty (chi-square, as many degrees of freedom as copies). Beside columns planted on measured
+chance gives more once in forty (chi-square, as many degrees of freedom as copies). Besides columns planted on measured
 records that were found it is 0.6 to 1.8, but 10 to 35 where a record's own law was taken for another column's."""
 
 # Later data
 
 HELPFUL = 3.0
-"""Fall [dB], on later stretches and on held-out blocks, from which a recorded column that the likelihood does not prove
+"""Fall [dB], on later stretches and on held-out blocks, at which a recorded column that the likelihood does not prove
 is taken in, or the model's own lags are lacking: half of the squared error."""
 NEARLY = 0.75
-"""Share of the greatest fall on later stretches from which an explanation is nearly as good: the likelihood decides."""
+"""Share of the greatest fall on later stretches at which an explanation is nearly as good: the likelihood decides."""
 SPEAKS = -6.0
 """Score (log likelihood) below which an explanation is rejected, however much it helps on later data."""
 
@@ -186,11 +186,11 @@ MOMENTS = 3.68
 """Fall of the log likelihood up to which a step, another law or a disturbance may begin at another moment: 95 %, see
 `thermocorr.judgement.report`."""
 TIE = 4.0
-"""Difference of scores (log likelihood) below which two explanations cannot be told apart: odds of 55 to 1."""
+"""Difference of scores (log likelihood) below which two explanations cannot be distinguished: odds of 55 to 1."""
 LAG_POSSIBLE = 1.92
 """A lag is possible where the log likelihood falls by no more: 95 % (chi-square, one degree of freedom)."""
 ALIKE = 0.5
-"""Share of what a cause makes of the reading that a rival could make as well, above which the two are not told apart.
+"""Share of what a cause makes of the reading that a rival could make as well, above which the two are rivals.
 Explanations that are as good but say something else are further causes."""
 FRUITLESS = 3
 """Terms in a row that are worth nothing, after which no further one is looked for."""
@@ -199,12 +199,12 @@ OF_THERMOMETER = 2.0
 On simulated devices whose thermometers have noise of 0.05 or 0.1 K it is 1.0 to 1.2 on the average, with 0.02 K up to
 1.6, with steps of 0.0625 to 0.25 K 0.6 to 1.3 (`benchmarks/thermometer_noise.py --diagnose`)."""
 STRUCTURE = 12.0
-"""Log likelihood of wandering noise over white noise, given everything else, from which structure is left: for eight
+"""Log likelihood of wandering noise over white noise, given everything else, at which structure is left: for eight
 parts, 12 has a p-value of 0.002."""
 ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 SEVERAL = 3
-"""Steps from which they are one cause, several steps."""
+"""Steps at which they are one cause, several steps."""
 HARMONICS = 6
 """Highest multiple of a wave's frequency that is part of it: those of a switch fall as one over the multiple."""
 

@@ -181,7 +181,7 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
 
 
 def _matters_from(theta: np.ndarray, times: np.ndarray, counts: float, longest: float) -> int:
-    """Readings from which wandering exceeds white noise.
+    """Readings in the shortest mean whose wandering exceeds white noise.
 
     `theta` (array): Variances of the parts of a row's noise, white first. `times` (array): Correlation times of the
     others [rows]. `counts` (float): Readings in a row. `longest` (float): Mean that is looked at [rows].

@@ -1,6 +1,6 @@
 """Steps, other laws, disturbances, waves and delays, at every row.
 
-Beside the lags of the base, what is left of a delayed temperature is sharp in the delay: its neighbours on a grid of
+Besides the lags of the base, what is left of a delayed temperature is sharp in the delay: its neighbours on a grid of
 delays explain a tenth of what the true one does. Moments with base and reading are cross correlations, by Fourier
 transforms; weighted squares are sums over bands of frequency, which stay the same whatever the noise and the base.
 
@@ -246,8 +246,8 @@ def moment(pool: Pool, row: int, ends: bool = False) -> float:
     seconds = pool.data.seconds
     if seconds[row - 1] < seconds[row]:
         return float(np.mean(seconds[row - 1 : row + 1]))
-    at, beside = (row - 1, row - 2) if ends else (row, min(row + 1, len(seconds) - 1))
-    return float(seconds[at] + (seconds[at] - seconds[beside]) / 2)
+    at, neighbour = (row - 1, row - 2) if ends else (row, min(row + 1, len(seconds) - 1))
+    return float(seconds[at] + (seconds[at] - seconds[neighbour]) / 2)
 
 
 def _from(pool: Pool, kind: type[Step], row: int) -> Explanation:

@@ -71,19 +71,19 @@ class BaseProducts:
     QQ: np.ndarray
     """The base's with itself, shape (bands, p, p)."""
 
-    def solved(self, W: np.ndarray, beside: Sequence[ExplanationColumns | None]) -> tuple[list[np.ndarray], np.ndarray]:
+    def solved(self, W: np.ndarray, rest: Sequence[ExplanationColumns | None]) -> tuple[list[np.ndarray], np.ndarray]:
         """Least squares with each explanation, own weights each.
 
-        `W` (array of shape (J, bands)). `beside` (sequence of length J): None is the base alone. Returns coefs (list
+        `W` (array of shape (J, bands)). `rest` (sequence of length J): None is the base alone. Returns coefs (list
         of J arrays): of the base's columns and the explanation's. Returns power (array of shape (bands, J)): sums of
         squares that they leave in each band.
         """
         p = self.Qz.shape[1]
         A, b = weighted(W, self.QQ), W @ self.Qz
-        coefs = [solved(*_bordered(A[j], b[j], W[j], found)) for j, found in enumerate(beside)]
+        coefs = [solved(*_bordered(A[j], b[j], W[j], found)) for j, found in enumerate(rest)]
         base = np.stack([coef[:p] for coef in coefs])
         power = self.zz[:, None] - 2 * self.Qz @ base.T + forms(self.QQ, base, base)
-        for j, found in enumerate(beside):
+        for j, found in enumerate(rest):
             if found is not None:
                 more = coefs[j][None, p:]
                 own = 2 * forms(found.base, base[j : j + 1], more) + forms(found.own, more, more)
@@ -115,15 +115,15 @@ class BaseProducts:
             columns = solve_triangular(half, together[j], lower=True)
             moment = moments[j] - b @ columns
             full = own @ weights
-            beside = full - squares_of(columns[:, starts[single]])
-            alive = beside > ALIVE**2 * full
-            taken[j, single[alive]] = moment[starts[single[alive]]] ** 2 / beside[alive]
+            rest = full - squares_of(columns[:, starts[single]])
+            alive = rest > ALIVE**2 * full
+            taken[j, single[alive]] = moment[starts[single[alive]]] ** 2 / rest[alive]
             for i in np.flatnonzero(widths > 1).tolist():
                 part = slice(starts[i], starts[i] + widths[i])
                 full = weighted(weights, founds[i].own)
-                beside = full - columns[:, part].T @ columns[:, part]
-                if np.all(np.diag(beside) > ALIVE**2 * np.diag(full)):
-                    taken[j, i] = moment[part] @ solved(beside, moment[part])
+                rest = full - columns[:, part].T @ columns[:, part]
+                if np.all(np.diag(rest) > ALIVE**2 * np.diag(full)):
+                    taken[j, i] = moment[part] @ solved(rest, moment[part])
         return taken, left
 
 
@@ -357,8 +357,8 @@ class Comparison:
         fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
-    def gained_beside(self, i: int, which: Sequence[int]) -> np.ndarray:
-        """Log likelihood gained besides another explanation."""
+    def gained_given(self, i: int, which: Sequence[int]) -> np.ndarray:
+        """Log likelihood gained given another explanation."""
         other = self.of([i, *which])
         other.adopt(0)
         return other.screen(other.base.theta)[1:]
@@ -397,8 +397,8 @@ class Comparison:
 
     def _solved(self, which: Sequence[int | None], theta: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Coefficients and squares under each noise."""
-        beside = [None if i is None else self.explanations[i] for i in which]
-        return self._base_products.solved(1 / self.S(theta).T, beside)
+        rest = [None if i is None else self.explanations[i] for i in which]
+        return self._base_products.solved(1 / self.S(theta).T, rest)
 
     def _solved_one(self, i: int | None, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         coefs, power = self._solved([i], theta[:, None])
@@ -427,12 +427,12 @@ class Comparison:
         if one is None or other is None:
             return 0.0
         theta = self.base.theta
-        own, rival, reading = (self._white_beside(theta, part) for part in (one.rows, other.rows, self.z[:, None]))
+        own, rival, reading = (self._white_given(theta, part) for part in (one.rows, other.rows, self.z[:, None]))
         made = own @ np.linalg.lstsq(own, reading, rcond=1e-8)[0]
         again = rival @ np.linalg.lstsq(rival, made, rcond=1e-8)[0]
         return float(np.sum(again**2) / max(float(np.sum(made**2)), 1e-300))
 
-    def _white_beside(self, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    def _white_given(self, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Columns less their part in the base, unwhitened."""
         W = 1 / self.bands.each_row(self.S(theta))[:, None]
         held = cho_solve((self._half(theta), True), self.Q.T @ (W * rows))

@@ -85,7 +85,7 @@ class Copies:
         other, first = judged.copy(), len(judged.explanations)
         other.add(columns)
         which = range(first, len(other.explanations))
-        gains, width = other.gained_beside(number, which), sum(map(other.width, which))
+        gains, width = other.gained_given(number, which), sum(map(other.width, which))
         helped = max(worth.both for worth in held.worth([pool.coarse(part) for part in columns]))
         return cls(inflation=float(2 * gains.sum() / max(width, 1)), help=helped)
 
@@ -229,7 +229,7 @@ class Family:
     def p_value(self, gain: float, i: int, found: int | None = None) -> float:
         """P-value within the family (Wilks 1938; Bonferroni).
 
-        It was tried beside each number of terms up to those `found`, all so far by default.
+        It was tried with each number of terms up to those `found`, all so far by default.
         """
         explanation = self.tried[i]
         chance = chdtrc(explanation.columns.shape[1], 2 * max(gain, 0.0))
@@ -254,7 +254,7 @@ class Term:
     """A term of the set, and its rivals."""
 
     tried: Tried
-    """Beside all other terms."""
+    """Besides all other terms."""
     alike: tuple[Tried, ...]
     lag_below: float = 0.0
     """Largest lag that the record leaves possible for an effect at once [s]; 0 where it says nothing."""
@@ -305,9 +305,9 @@ class Search:
 
     def _weighed(self, judged: Comparison, which: Sequence[int]) -> list[Tried]:
         fits = judged.refit(which)
-        return [self._beside_copies(self.family.weighed(i, fit)) for i, fit in zip(which, fits, strict=True)]
+        return [self._discounted(self.family.weighed(i, fit)) for i, fit in zip(which, fits, strict=True)]
 
-    def _beside_copies(self, t: Tried) -> Tried:
+    def _discounted(self, t: Tried) -> Tried:
         """An explanation, discounted by its shifted copies."""
         copies = self.copies.get(t.key)
         if copies is None or copies.excess == 1:
@@ -373,7 +373,7 @@ class Search:
     def _take_helpful(self) -> None:
         """Take in columns that later data confirm.
 
-        Noise that wanders can make what a slow column makes, and a large cause beside a poor law is not proven.
+        Noise that wanders can make what a slow column makes, and a large cause next to a poor law is not proven.
         """
         held, refused = self.pool.out_of_sample, set[Any]()
         while True:
@@ -415,7 +415,7 @@ class Search:
                 self.fruitless = 0 if best in helping else self.fruitless + 1
                 return best
             self.copies[best.key] = Copies.of(self.pool, self.judged, held, best.number, best.explanation.effect)
-            self.last = sorted(map(self._beside_copies, self.last), key=lambda t: -t.score)
+            self.last = sorted(map(self._discounted, self.last), key=lambda t: -t.score)
 
     def _settle(self) -> bool:
         """Exchange, tune and drop terms; returns whether anything gained."""
@@ -431,17 +431,17 @@ class Search:
             term = self.family.tried[number]
             if term.in_model or not term.n_tuned:
                 continue
-            beside = self.judged.dropped(self.judged.adopted.index(number))
-            self.family.judged = beside
-            there = retuned(self.pool, beside.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
+            rest = self.judged.dropped(self.judged.adopted.index(number))
+            self.family.judged = rest
+            there = retuned(self.pool, rest.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
             if there is None:
                 continue
             new = self.family.add([there])[0]
-            if not beside.width(new):
+            if not rest.width(new):
                 continue
-            beside.adopt(new)
-            if beside.base.level > self.judged.base.level + 0.1:
-                self.judged = beside
+            rest.adopt(new)
+            if rest.base.level > self.judged.base.level + 0.1:
+                self.judged = rest
                 self.helpful = [new if each == number else each for each in self.helpful]
 
     def _drop(self) -> None:
@@ -451,8 +451,8 @@ class Search:
             for k, number in enumerate(self.judged.adopted):
                 if number in self.helpful:
                     continue
-                beside = self.judged.dropped(k, tried=False)
-                gain = self.judged.base.level - beside.base.level
+                rest = self.judged.dropped(k, tried=False)
+                gain = self.judged.base.level - rest.base.level
                 price = self.family.price_of_columns(self._width(k)) + self.family.price_of_tuning(number)
                 chances.append((self.family.p_value(gain, number, 0) if gain > price else 1.0, k))
             worst, k = max(chances, default=(0.0, 0))
@@ -470,26 +470,26 @@ class Search:
             if len(self.judged.adopted) < 2 or number not in self.judged.adopted or number in self.helpful:
                 continue
             k = self.judged.adopted.index(number)
-            beside = self.judged.dropped(k)
-            own = self.judged.base.level - beside.base.level
+            rest = self.judged.dropped(k)
+            own = self.judged.base.level - rest.base.level
             own -= self.family.price_of_columns(self._width(k)) + self.family.price_of_tuning(number)
-            best = next((t for t in self.look(beside, tuning=False, best_of=3) if t.proven), None)
+            best = next((t for t in self.look(rest, tuning=False, best_of=3) if t.proven), None)
             law = self.family.tried[number].law
             if best is not None and best.score > own + TIE and best.explanation.law != law:
-                beside.adopt(best.number)
-                self.judged = beside
+                rest.adopt(best.number)
+                self.judged = rest
 
     # ---- what was found --------------------------------------------------------------------------------------------
     def terms(self) -> list[Term]:
         """The terms, each given the others, with rivals."""
         found = []
         for k, number in enumerate(self.judged.adopted):
-            beside = self.judged.dropped(k)
-            tried = self.look(beside, tuning=False)
-            self.family.judged = beside
-            me = self._weighed(beside, [number])[0]
+            rest = self.judged.dropped(k)
+            tried = self.look(rest, tuning=False)
+            self.family.judged = rest
+            me = self._weighed(rest, [number])[0]
             rivals = [t for t in tried if t.key != me.key and t.as_likely(me)]
-            alike = [t for t in rivals if beside.overlap(number, t.number) > ALIKE]
+            alike = [t for t in rivals if rest.overlap(number, t.number) > ALIKE]
             at_once = next((t for t in alike if LATE_FORM.get(t.key[0]) == me.key[0] and t.key[1] == me.key[1]), None)
             if at_once is not None:
                 alike, me = [t for t in alike if t is not at_once], at_once
@@ -499,19 +499,19 @@ class Search:
                 Term(
                     tried=replace(me, explanation=self.pool.with_columns([me.explanation])[0]),
                     alike=tuple(alike),
-                    lag_below=self._lag_below(beside, me, late) if late[0] else 0.0,
+                    lag_below=self._lag_below(rest, me, late) if late[0] else 0.0,
                 )
             )
         self.family.judged = self.judged
         return found
 
-    def _lag_below(self, beside: Comparison, me: Tried, late: tuple[str | None, Any]) -> float:
+    def _lag_below(self, rest: Comparison, me: Tried, late: tuple[str | None, Any]) -> float:
         """Least lag that the record excludes [s]."""
-        gains = beside.screen(beside.refit([me.number])[0].theta)
+        gains = rest.screen(rest.refit([me.number])[0].theta)
         taus = {
             float(tau[0]): float(gains[i])
             for i, each in enumerate(self.family.tried[: len(gains)])
-            if each.key == late and beside.width(i) and len(tau := _lags(each.effect)) == 1
+            if each.key == late and rest.width(i) and len(tau := _lags(each.effect)) == 1
         }
         possible = [tau for tau, gain in taus.items() if gain > gains[me.number] - LAG_POSSIBLE]
         return float(min((tau for tau in taus if tau > max(possible, default=0.0)), default=0.0))
@@ -533,23 +533,23 @@ def _lags(effect: Any) -> np.ndarray:
 
 
 # ---- the moves ------------------------------------------------------------------------------------------------------
-def retuned(pool: Pool, beside: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
+def retuned(pool: Pool, rest: Comparison, explanation: Explanation, shares: Sequence[float]) -> Explanation | None:
     """An explanation with tuned parameters; None for no gain.
 
-    `beside` is the base that it stands beside; what else is tried there is forgotten. See `Effect.nearby`.
+    `rest` is the base that it joins; what else is tried there is forgotten. See `Effect.nearby`.
     """
-    beside.explanations = []
-    beside.add([each.columns for each in pool.with_columns([explanation])])
-    theta = beside.refit([0])[0].theta
-    most, best = beside.screen(theta)[0], explanation
+    rest.explanations = []
+    rest.add([each.columns for each in pool.with_columns([explanation])])
+    theta = rest.refit([0])[0].theta
+    most, best = rest.screen(theta)[0], explanation
     for share in shares:
         near = pool.of(best.effect.nearby(pool.record, share))
         near = [each for each in near if is_shown(pool, each.effect)]
         if not near:
             break
-        beside.explanations = []
-        beside.add([each.columns for each in near])
-        gains = beside.screen(theta)
+        rest.explanations = []
+        rest.add([each.columns for each in near])
+        gains = rest.screen(theta)
         if gains.max() > most + NO_MORE:
             first = int(np.argmax(gains > gains.max() - NO_MORE))
             most, best = gains[first], near[first]

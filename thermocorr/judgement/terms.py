@@ -335,7 +335,7 @@ class Pool:
             gone = ", ".join(sorted({refused.reason for refused in record.refused if refused.what == "reading"}))
             raise RecordError(
                 f"The record is too short to judge: {len(self.data.reading)} readings, and {FEWEST} are "
-                f"needed{f', beside what was left out ({gone})' if gone else ''}. Record longer."
+                f"needed{f', besides what was left out ({gone})' if gone else ''}. Record longer."
             )
         self.span = spans(self.data, record)
         """Number of the span of each row, over which noise goes on, shape (n,)."""
@@ -362,7 +362,7 @@ class Pool:
         """The record given columns of a base, shape (n, p)."""
         return Comparison(self.reading, visible(base, self.reading), self.span, self.rows.starts.spread)
 
-    def beside(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
+    def given(self, base: np.ndarray, explanations: Sequence[Explanation]) -> Pool:
         """A pool of this record with another base and other explanations."""
         other = copy(self)
         other.base, other.explanations = base, list(explanations)

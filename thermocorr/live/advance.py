@@ -158,7 +158,7 @@ class Stream:
         if step <= 0.0:
             return Advanced(math.nan, STALE if step == 0.0 else BACKWARD, False)
         seconds = clock.between(stamp, self.history.zero)
-        values, twins, held, believed = self._judged(values, seconds, run)
+        values, twins, held, accepted = self._judged(values, seconds, run)
         goes_on = self._open and step <= self._max_gap and step < math.inf
         self.last, self._run = stamp, run
         T = values[self.temperature]
@@ -185,7 +185,7 @@ class Stream:
         doubt = 0.0
         row, bias = self._stepped(self._steps, values)
         if self._has_twin:
-            doubt = self._doubt(bias, {**values, **twins}, twins, believed, seconds)
+            doubt = self._doubt(bias, {**values, **twins}, twins, accepted, seconds)
         mask = (0 if known else NO_READING) | (JUMPED if held else 0)
         if sample.key is None and elapsed < self._washout:
             mask |= WASHOUT
@@ -216,16 +216,16 @@ class Stream:
         """Inputs, twins of doubted ones, and their states."""
         if run != self._gated:
             self._forget_inputs(run)
-        twins, held, believed = NONE, False, NONE
+        twins, held, accepted = NONE, False, NONE
         for column, gate in self._gates:
             if (said := gate.one(values[column], seconds)) is None:
                 continue
             held, values = held or said.held, {**values, column: said.value}
             if said.twin == said.twin:
                 twins = {**twins, column: said.twin}
-            if said.believed:
-                believed = {**believed, column: True}
-        return values, twins, held, believed
+            if said.accepted:
+                accepted = {**accepted, column: True}
+        return values, twins, held, accepted
 
     def _forget_inputs(self, run: Any) -> None:
         self._gated = run
@@ -243,10 +243,10 @@ class Stream:
         except (ArithmeticError, ValueError):
             return row, math.nan
 
-    def _doubt(self, bias: float, others: dict[Any, float], twins: Any, believed: Any, seconds: float) -> float:
+    def _doubt(self, bias: float, others: dict[Any, float], twins: Any, accepted: Any, seconds: float) -> float:
         """Change of the bias by doubtful inputs."""
         _, found = self._stepped(self._other_steps, others)
-        doubted, sure = (np.array([[column in each for column, _ in self._gates]]) for each in (twins, believed))
+        doubted, sure = (np.array([[column in each for column, _ in self._gates]]) for each in (twins, accepted))
         doubt = self._doubts.rows(doubted, sure, np.array([bias - found]), np.array([seconds]))
         self._has_twin = not self._doubts.over()
         return float(doubt[0])
@@ -305,7 +305,7 @@ class Stream:
         late[0] &= same_run  # the first of a run has none before it
         out.flags[late] = np.where(stamps[late] == before[late], STALE[0], BACKWARD[0])
         rows = np.flatnonzero(~late)
-        values, twins, held, believed = self._judged_rows(rows, stamps, run, values)
+        values, twins, held, accepted = self._judged_rows(rows, stamps, run, values)
         if not len(rows):
             return out
         kept: Any = slice(None) if len(rows) == len(stamps) else rows
@@ -318,7 +318,7 @@ class Stream:
         fresh[0] |= not (self._open and same_run)
         self.last, self._run = here[-1].item(), run
         record, starts, states = self._record(here, steps, values, fresh, run)
-        twins, believed = ({name: column[kept] for name, column in each.items()} for each in (twins, believed))
+        twins, accepted = ({name: column[kept] for name, column in each.items()} for each in (twins, accepted))
         others = (
             self._other_record(record, states, twins, bool(fresh[0]))
             if twins or (self._has_twin and not fresh[0])
@@ -336,8 +336,8 @@ class Stream:
         for number, (column, _) in enumerate(self._gates):
             if column in twins:
                 doubted[:, number] = np.isfinite(twins[column])
-            if column in believed:
-                sure[:, number] = believed[column]
+            if column in accepted:
+                sure[:, number] = accepted[column]
         with np.errstate(over="ignore", invalid="ignore"):  # powers of a temperature far outside: a flag says it
             other_blocks = None if others is None else self.model._weighed(noted(1, *others))
             for block, parts in self.model._weighed(noted(0, record, states)):
@@ -378,7 +378,7 @@ class Stream:
     ) -> tuple[dict[Any, np.ndarray], dict[Any, np.ndarray], np.ndarray, dict[Any, np.ndarray]]:
         """`_judged` of some of many rows."""
         twins: dict[Any, np.ndarray] = {}
-        believed: dict[Any, np.ndarray] = {}
+        accepted: dict[Any, np.ndarray] = {}
         values, held = dict(values), np.zeros(len(stamps), bool)
         if len(rows) and run != self._gated:
             self._forget_inputs(run)
@@ -393,9 +393,9 @@ class Stream:
             doubted = np.isfinite(said.twin)
             if doubted.any():
                 twins.setdefault(column, np.full(len(stamps), np.nan))[rows[doubted]] = said.twin[doubted]
-            if said.believed.any():
-                believed.setdefault(column, np.zeros(len(stamps), bool))[rows] |= said.believed
-        return values, twins, held, believed
+            if said.accepted.any():
+                accepted.setdefault(column, np.zeros(len(stamps), bool))[rows] |= said.accepted
+        return values, twins, held, accepted
 
     def _other_record(
         self, record: Record, states: dict[int, list[Any]], twins: dict[Any, np.ndarray], fresh: bool

@@ -45,7 +45,7 @@ class OnlineCorrector:
     as `correct` places its rows, and a first single sample follows on the fitted rows. A sample that lacks its
     temperature, or a column that the model needs, is passed over as if it had not come.
 
-    A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is believed until the next
+    A sample after a gap is flagged "gap", after an absurdly long one "suspect time". It is accepted until the next
     one: if that lies before it, and after the samples before the gap, its time was false, and the stream goes on as if
     it had not been. One damaged date does not end a stream.
 

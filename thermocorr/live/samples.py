@@ -160,7 +160,7 @@ def stretches(labels: pd.Series[Any] | None, n: int) -> list[tuple[int, int, Any
 class LiveErrors:
     """Standard uncertainties of corrected readings: those of `DynamicBiasRegressor.correct` with ``return_std=True``.
 
-    A model that has searched its time constants carries the lags of the whole spectrum beside its own.
+    A model that has searched its time constants carries the lags of the whole spectrum besides its own.
 
     `model` (DynamicBiasRegressor): Fitted.
     """
@@ -171,7 +171,7 @@ class LiveErrors:
         own, history = model.features_.effect_list(), model.features_.history_
         more = [i for i, effect in enumerate(joint.effects) if all(effect is not each for each in own)]
         self.effects = [*own, *(joint.effects[i] for i in more)]
-        """Effects of the model, and what its errors need beside them."""
+        """Effects of the model, and what its errors need besides them."""
         ends = zip(history.end_states, joint.history.end_states, strict=True)
         self.history: History = replace(
             history, end_states=tuple([*states, *(wide[i] for i in more)] for states, wide in ends)

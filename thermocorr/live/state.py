@@ -11,11 +11,11 @@ from ..effects import Effect
 from ..model import DynamicBiasRegressor
 from ..output.codec import ModelFileError, read, write
 from ..output.effect_nodes import EffectCodec, check_state
-from ..records.gate import AGREED, BELIEVED_AGAIN, EMPTY
+from ..records.gate import ACCEPTED_AGAIN, AGREED, EMPTY
 from ..records.types import LARGEST, Counted, Large, Loose, Number, Positive, RunLabel, Stamp, within
 from .samples import LiveErrors
 
-Stand = Annotated[int, within(AGREED, BELIEVED_AGAIN)]
+Stand = Annotated[int, within(AGREED, ACCEPTED_AGAIN)]
 Time = Annotated[Stamp, within(-LARGEST, LARGEST)]
 
 
@@ -66,7 +66,7 @@ class StreamFile:
     uncertainty: bool
     next_row: Counted
     placed: bool
-    """False until a sample has told; until then rows are counted from the first after the fitted ones."""
+    """False until a sample has shown; until then rows are counted from the first after the fitted ones."""
     state: StreamState
     doubt: StreamState | None
 

@@ -111,7 +111,7 @@ class Advice:
             return ""
         return (
             "The temperature moved in time corrects as well, so a coincidence cannot be excluded. A second run, up and "
-            "down, would settle it."
+            "down, would decide."
         )
 
     def using(self, name: str, models: Mapping[str, Any]) -> Advice:
@@ -121,13 +121,13 @@ class Advice:
     def sentence(self, scale: Scale | None = None) -> str:
         """Sentence on which correction to use, and its error."""
         if not self.choice:
-            return "Whether a correction helps on data not learned from cannot be told: the record is too short."
+            return "Nobody can say whether a correction helps on unseen data: the record is too short."
         scale = scale or self.scale()
         whole = self.table["all"]
         best = str(whole.drop(list(NEEDLESS), errors="ignore").idxmin())
         if self.choice == "none":
-            said = f"Use no correction by temperature: the best one, {best}, leaves {scale.text(whole[best])} rms on "
-            said += f"later stretches, no correction {scale.text(self.before)}"
+            said = "Use no correction by temperature. On later stretches the readings have an error of "
+            said += f"{scale.text(self.before)} rms, and of {scale.text(whole[best])} after the best correction, {best}"
             if reduction_db(whole[best], self.before) > -GAIN:
                 return f"{said}."
             longest = self.table[LONGEST]

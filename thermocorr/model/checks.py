@@ -20,7 +20,7 @@ from .reading import Reading, flat_columns
 from .search import unresolved
 
 FURTHEST_REACH = 1000.0
-"""Reach of the contributions, in standard deviations of the readings, from which a fit is told to cancel.
+"""Reach of the contributions, in standard deviations of the readings, at which a fit counts as cancelling.
 
 One part in a thousand of one column then moves the corrected reading by as much as the readings have ever moved.
 Measured: 1.2 where time constants are searched for the built-in voltage reference and for simulated devices (5 with 400
@@ -28,7 +28,7 @@ rows), 2 to 10 for the measured records of `benchmarks/real_records.py`, 95 for 
 suite but two (one is made to cancel, one lags a clock, which is a constant). Eight time constants given by hand without
 a penalty reach 400 on measured records, 2900 where the longest lasts longer than the record. On a record of 18 s, two
 harmonics of 10 min reach 1e6, of 3 h 1e11 to 1e13; one harmonic of 1 h 3e3 to 2e4, of a day 2e6 to 1e7.
-With half of it one harmonic of half an hour is told there too (700 to 6e3); twice of it changes none of these.
+With half of it one harmonic of half an hour cancels there too (700 to 6e3); twice of it changes none of these.
 """
 
 
@@ -225,7 +225,7 @@ def _check_ambient(fitted: Reading, name: str, fitted_name: str, unit: str, medi
         return
     if converted and not as_it_is:
         raise RecordError(
-            f"{begin}, and by the values they are. Convert this column to {taken}, or mend its unit if it is wrong."
+            f"{begin}, and by the values they are. Convert this column to {taken}, or correct its unit if it is wrong."
         )
     raise RecordError(f"{begin}, and the values do not tell whether they are. To say it, {refit}.")
 
@@ -254,7 +254,9 @@ def _check_unit(role: str, name: str, fitted: str, unit: str | None = None, fitt
     fitted_unit = unit_of(fitted, None) if fitted_unit is None else fitted_unit
     if units_differ(name, unit, fitted, fitted_unit):
         in_header = unit_of(name, None) == unit
-        mended = "rename it if its header is wrong" if in_header else "mend the unit that the file gives if it is wrong"
+        mended = (
+            "rename it if its header is wrong" if in_header else "correct the unit that the file gives if it is wrong"
+        )
         raise RecordError(
             f"The {role} {quoted(name)} is in {unit}, and the model was fitted to {quoted(fitted)} in {fitted_unit}. "
             f"Convert the column to {fitted_unit}, or {mended}."

@@ -27,7 +27,7 @@ from .folds import MOST_SEGMENTS
 from .heteroscedasticity import evenness
 
 DRAWS = 40
-"""Records drawn from the noise found, by which the uncertainty of its variances is told."""
+"""Records drawn from the noise found, to estimate the uncertainty of its variances."""
 EXACT = 1e-24
 """Variance of a reading that is exact, in units of its residuals'."""
 LEAST = 1e-12
@@ -125,7 +125,7 @@ class BandSums:
         return np.maximum(share, 1e-3), np.maximum(power, 1e-12 * self.power)
 
     def without(self, columns: np.ndarray) -> BandSums:
-        """Sums beside fewer columns, shape (p,): True for those that go."""
+        """Sums with fewer columns, shape (p,): True for those that go."""
         kept = ~columns
         other = copy(self)
         other.columns, other.moments = self.columns[:, kept], self.moments[:, kept]

@@ -58,10 +58,10 @@ def _nearby(values: np.ndarray, rows: int = NEARBY) -> np.ndarray:
     return np.asarray(rolling.mean().bfill().ffill().to_numpy())
 
 
-def believed_readings(model: Any, X: Any, y: Any) -> np.ndarray:
+def accepted_readings(model: Any, X: Any, y: Any) -> np.ndarray:
     """The readings as a model would learn them.
 
-    `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are believed. `X`, `y` (as for
+    `model` (DynamicBiasRegressor): Fitted or not; with ``screen=False`` all readings are accepted. `X`, `y` (as for
     `DynamicBiasRegressor.fit`). Returns array of shape (n_rows,): NaN where there is none, or a refused one.
     """
     features = model._unfitted_features(())

@@ -1,6 +1,6 @@
 """Propagation of input errors to the bias.
 
-Across a gap the temperature is taken as a straight line. What it did beside that line is still in the lags when the
+Across a gap the temperature is taken as a straight line. How it left that line is still in the lags when the
 record goes on, and is forgotten with their time constants: the error of lag j fades as exp(-t/tau_j), eq. (17) with no
 input, a covariance C of these errors as ``C_jk exp(-(1/tau_j + 1/tau_k) t)``, and the bias errs by the variance
 ``w' C w``. How large C is, the record says where it has no gap. Other columns that the device feels late are treated
@@ -24,7 +24,7 @@ from ..records.errors import option, times_word
 from ..records.history import Gaps, least_gap, longest_gap
 
 SPOILT = 0.3
-"""Share of the residuals' standard deviation from which a reading is neither learned from nor judged: it would raise
+"""Share of the residuals' standard deviation at which a reading is neither learned from nor judged: it would raise
 the variance there by a tenth."""
 MOST_SPOILT = 0.1
 """Share of the readings that gaps may cost a fit: the others are learned from, however long the lags remember."""
@@ -101,10 +101,10 @@ class GapError:
                 if C is None:
                     continue
                 left = np.exp((known - seconds[low:high, None]) / law.time_constants)
-                told = left @ (np.abs(law.weights) * np.sqrt(np.diag(C))) > law.least
+                clear = left @ (np.abs(law.weights) * np.sqrt(np.diag(C))) > law.least
                 weighed = left * law.weights
-                variance[low:high] += np.where(told, np.maximum(np.sum(weighed @ C * weighed, axis=1), 0.0), 0.0)
-                C = C * np.outer(left[-1], left[-1]) if told[-1] else None
+                variance[low:high] += np.where(clear, np.maximum(np.sum(weighed @ C * weighed, axis=1), 0.0), 0.0)
+                C = C * np.outer(left[-1], left[-1]) if clear[-1] else None
                 known = seconds[high - 1]
             after.append(C)
         return variance, () if all(C is None for C in after) else tuple(after)
@@ -145,9 +145,8 @@ def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0
     """Standard deviation of the bias behind a record's gaps.
 
     `record` (Record). `laws` (iterable of InputLaw): Of the columns that the device feels late; looked at where there
-    are gaps. `limit` (float): What need not be told, in the unit of the reading. Returns rows (array of shape (n,)):
-    those of the user's rows in which it is above the limit, in time order. Returns error (array of shape (n,)): in
-    the unit of the reading.
+    are gaps. `limit` (float): The least error that counts [unit of the reading]. Returns rows (array of shape (n,)):
+    the user's rows above the limit, in time order, and error (array of shape (n,)), in the unit of the reading.
     """
     least = least_gap(record, record.usual_step())
     longest = longest_gap(record, least)
@@ -157,23 +156,23 @@ def error_behind_gaps(record: Record, laws: Iterable[InputLaw], limit: float = 0
         follow = GapError(laws, Gaps.of(record, columns, least, longest))
         for block in record.blocks():
             error = np.sqrt(follow.of_block(block, felt))
-            told = np.flatnonzero(error > limit)
-            found.append((record.rows_at(block.places[told]), error[told]))
+            clear = np.flatnonzero(error > limit)
+            found.append((record.rows_at(block.places[clear]), error[clear]))
     return np.concatenate([rows for rows, _ in found]), np.concatenate([error for _, error in found])
 
 
-def readings_left_out(record: Record, believed: Record) -> list[str]:
+def readings_left_out(record: Record, accepted: Record) -> list[str]:
     """Sentence on readings that gaps have spoilt."""
-    if believed is record:
+    if accepted is record:
         return []
-    assert record.reading is not None and believed.reading is not None
-    count = int((np.isfinite(record.reading) & np.isnan(believed.reading)).sum())
+    assert record.reading is not None and accepted.reading is not None
+    count = int((np.isfinite(record.reading) & np.isnan(accepted.reading)).sum())
     if not count:
         return []
     return [
-        f"The temperature is not known in gaps of the record, and the device goes on to feel what it did there: "
-        f"{times_word(count, 'reading')} behind gaps {'is' if count == 1 else 'are'} not learned from. They are "
-        f"corrected as if it had been a straight line; {option('max_gap')} starts afresh behind longer gaps."
+        f"The device still feels what the temperature did in gaps, which is unknown: {times_word(count, 'reading')} "
+        f"behind gaps {'is' if count == 1 else 'are'} not learned from. They are corrected as if it had been "
+        f"a straight line; {option('max_gap')} starts afresh behind longer gaps."
     ]
 
 

@@ -2,7 +2,7 @@
 
 The record is cut into pieces of equal numbers of rows. Later stretches are predicted from all that came before them,
 and blocks from all the rest, by a ridge on the columns of the user's own model. Everything follows from the cross
-products of the pieces. A jump is asked of the stretches behind it, once the first readings there have told its level.
+products of the pieces. A jump is asked of the stretches behind it, once the first readings there have shown its level.
 
 What an effect is worth is asked of averages, of neighbouring readings and of whole pieces: users average, and an effect
 of a fifth of the noise is the largest error of a mean of a hundred. Errors that are printed are those of readings.
@@ -22,7 +22,7 @@ from sklearn.base import clone
 from ..records import RecordError
 from ..records.errors import check_int, said_once
 from ..records.record import where_read
-from .heteroscedasticity import believed_readings
+from .heteroscedasticity import accepted_readings
 from .progress import Progress, reporting
 from .runs import unlearned
 
@@ -38,7 +38,7 @@ RIDGE = 1e-6
 """Penalty in the forecasts, for columns of unit variance. At 1e-3 the lags of the base are bent so far on simulated
 devices that a true drift makes forecasts worse; on measured records any from 1e-6 to 1e-3 gives much the same."""
 GAIN = 0.5
-"""Mean fall of the squared error on later stretches [dB] from which an effect is worth adding."""
+"""Mean fall of the squared error on later stretches [dB] at which an effect is worth adding."""
 
 BLOCKS = tuple(
     ([j for j in range(PIECES) if not i <= j < i + BLOCK], range(i, i + BLOCK)) for i in range(0, PIECES, BLOCK)
@@ -50,7 +50,7 @@ FORECASTS = {f"from {10 * s // 8} %": (range(s), range(s, min(round(s / 0.7), PI
 """Longer forecasts: from a share of the rows, as far ahead as the last 30 % of them lie behind the first 70 %."""
 LONGEST = "from 70 %"
 LEAST_BEHIND = 4
-"""Pieces between the date of an effect and a forecast that is told of it."""
+"""Pieces between the date of an effect and a forecast that knows of it."""
 
 
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
@@ -127,7 +127,7 @@ class Worth(NamedTuple):
 
 
 class OutOfSample:
-    """A model, and what further columns are worth beside it.
+    """A model, and what further columns are worth given it.
 
     `reading` (array of shape (n,)). `base` (array of shape (n, p)): Columns of the model; column 0 is the constant.
     `unseen` (float): Mean square of single readings that their averages do not show.
@@ -323,8 +323,8 @@ class Fold:
         for known, tested in zip(self.tested, (products, *means), strict=False):
             base, reading, squares = tested.over(self.test)
             missed = reading - base.T @ self.coef - made.T @ known.missed
-            beside = base - known.base @ made
-            own = squares - _each(base, made, count) - _each(made, beside, count)
+            rest = base - known.base @ made
+            own = squares - _each(base, made, count) - _each(made, rest, count)
             moments = 2 * missed.reshape(coef.shape) - own @ coef
             found.append(np.maximum(known.error - np.sum(coef * moments, axis=1)[:, 0], 1e-300))
         return np.array(found)
@@ -340,7 +340,7 @@ class _Tested(NamedTuple):
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
     """One over the standard deviation of columns, or 0."""
-    # Variance of a column over its mean square, from which its coefficient is learned: a variance is a difference of
+    # Variance of a column over its mean square, at which its coefficient is learned: a variance is a difference of
     # sums with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive
     # definite.
     alive = variance > 1e-8 * np.maximum(square, 1e-300)
@@ -400,7 +400,7 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
     0.2 ppm, noise 0.2 ppm
     """
     check_int("held_out_residuals", "n_blocks", n_blocks, 2)
-    reading = believed_readings(model, X, y)
+    reading = accepted_readings(model, X, y)
     with reporting(progress, len(time_blocks(reading, n_blocks))) as tell:
         return residuals_of_blocks(model, X, reading, n_blocks, tell)
 
@@ -408,7 +408,7 @@ def held_out_residuals(model: Any, X: Any, y: Any, *, n_blocks: int = 5, progres
 def residuals_of_blocks(
     model: Any, X: Any, reading: np.ndarray, n_blocks: int, tell: Callable[[str], None]
 ) -> np.ndarray:
-    """`held_out_residuals` of believed readings."""
+    """`held_out_residuals` of accepted readings."""
     result = np.full(len(reading), np.nan)
     blocks = time_blocks(reading, n_blocks)
     for number, block in enumerate(blocks):

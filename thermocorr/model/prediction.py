@@ -277,15 +277,15 @@ class FittedModel:
     def _parts(self, X: Any, reading: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """`_contributions`, and the readings that the screen believes, shape (n_rows,)."""
         parts: np.ndarray | None = None
-        believed = np.array([] if reading is None else reading[:], float)
+        accepted = np.array([] if reading is None else reading[:], float)
         for block, values in self._contribution_blocks(X):
             if parts is None:
                 parts = np.full((block.record.n_rows, values.shape[1]), np.nan, order="F")
             parts[block.rows] = values
             if reading is not None:
-                believed[block.rows] = self._screened(block, believed[block.rows])
+                accepted[block.rows] = self._screened(block, accepted[block.rows])
         assert parts is not None  # a record has at least one block
-        return parts, believed
+        return parts, accepted
 
     def _removed_part(self, contributions: np.ndarray) -> np.ndarray:
         """The bias that `correct` removes, shape (n,)."""
@@ -338,7 +338,7 @@ class FittedModel:
     ) -> NDArray[np.float64]:
         """Change of the bias by doubted inputs, (n_rows,).
 
-        0 where all that was doubted is believed (`thermocorr.records.gate.Doubt`).
+        0 where all that was doubted is accepted (`thermocorr.records.gate.Doubt`).
         """
         columns = {
             name: np.where(np.isnan(twin), np.asarray(record.columns[name], float), twin)
@@ -348,7 +348,7 @@ class FittedModel:
         doubt, walked = np.zeros(record.n_rows), self.features_.walk_resumed
         inputs, none = list(record.twins), np.zeros(record.n_rows, bool)
         doubted = np.column_stack([np.isfinite(twin) for twin in record.twins.values()])
-        believed = np.column_stack([record.believed.get(name, none) for name in inputs])
+        accepted = np.column_stack([record.accepted.get(name, none) for name in inputs])
         judged = Doubt(len(inputs), self.residual_std_, self.washout_)
         with np.errstate(over="ignore", invalid="ignore"):  # powers of what is far outside
             both = (self._weighed(walked(each, starts, states)) for each in (record, other))
@@ -356,7 +356,7 @@ class FittedModel:
                 if block.start == record.segments[block.segment].start:
                     judged.put()
                 difference = self._removed_part(one) - self._removed_part(two)
-                doubt[block.rows] = judged.rows(doubted[block.rows], believed[block.rows], difference, block.seconds)
+                doubt[block.rows] = judged.rows(doubted[block.rows], accepted[block.rows], difference, block.seconds)
         return doubt
 
     def _resumed_with_gaps(self, X: Any, y: Any = None) -> tuple[Record, dict[int, SegmentStart], dict[int, list[Any]]]:

@@ -92,7 +92,7 @@ def flat_columns(record: Record, effects: Sequence[Effect]) -> list[str]:
 BINS = 100
 """Parts of the range of temperatures; what a part holds counts as its middle."""
 FARTHER = 10.0
-"""Leverage between the temperatures of a record, over the largest at any of them, from which a law is not determined:
+"""Leverage between the temperatures of a record, over the largest at any of them, at which a law is not determined:
 there, it is more than three times as uncertain as wherever the record has been."""
 
 

@@ -183,21 +183,21 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
             reading = Reading.of(X, y, record)
             self._learn_levels(record)
             self.search_ = self._choose(record, reading)
-            believed = self._learn(reader, record, reading)
+            accepted = self._learn(reader, record, reading)
             covered = Coverage.of(record, self.degree)
             if covered.degree < self.degree and not self._knows_highest_power():
                 self._degree = covered.degree
                 self.search_ = self._choose(record, reading)
-                believed = self._learn(reader, record, reading)
-            if self.search_ is not None and believed is not record:  # the first choice had to use all readings
+                accepted = self._learn(reader, record, reading)
+            if self.search_ is not None and accepted is not record:  # the first choice had to use all readings
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", RecordWarning)  # they were said the first time
-                    self.search_ = self._choose(believed, Reading.of(None, None, believed))
-                believed = self._learn(reader, record, reading)
+                    self.search_ = self._choose(accepted, Reading.of(None, None, accepted))
+                accepted = self._learn(reader, record, reading)
         self.reading_ = replace(self.reading_, temperature_gaps=covered.gaps)
         form = getattr(X, "attrs", {}).get("form")
         self.form_ = form if isinstance(form, Form) else None
-        self._conclude(record, believed)
+        self._conclude(record, accepted)
         return self
 
     def _choose(self, record: Record, reading: Reading) -> TimeConstantChoice | None:
@@ -241,16 +241,16 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         searched = 0.0 if self.search_ is None else float(self.search_.alpha)
         self.alpha_ = searched if self.alpha == "auto" else float(self.alpha)
         self._solve(record, features)
-        believed = self._without_spoilt(record)  # what gaps spoil is known now
-        if believed is not record:
-            self._solve(believed, features)
-        return believed
+        accepted = self._without_spoilt(record)  # what gaps spoil is known now
+        if accepted is not record:
+            self._solve(accepted, features)
+        return accepted
 
-    def _conclude(self, record: Record, believed: Record) -> None:
+    def _conclude(self, record: Record, accepted: Record) -> None:
         """Add warnings and names after a fit."""
         for of_old_fit in ("_known_standard_errors", "_known_errors", "_known_ranges", "provenance_"):
             self.__dict__.pop(of_old_fit, None)
-        doubts = [*doubts_of(self, record, self._solution), *readings_left_out(record, believed)]
+        doubts = [*doubts_of(self, record, self._solution), *readings_left_out(record, accepted)]
         for text in doubts:
             warn(text)
         self.notes_ = (*record.notes, *doubts)
@@ -262,7 +262,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Modelled reading, eq. (22), shape (n_rows,); NaN without temperature.
 
         With a `reference` it is that plus the modelled bias, and NaN where X has none. With `return_std` a tuple: the
-        standard uncertainty of one reading to come beside it, its noise included.
+        standard uncertainty of one new reading as well, its noise included.
         """
         if return_std:
             value, u = self._uncertain(X, "reading")
@@ -284,7 +284,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         """Corrected reading: reading minus bias, eq. (24).
 
         NaN where a reading or a temperature is missing or refused, see `screen`. Warns (`RecordWarning`) where it
-        leaves all readings far behind. With `return_std` a tuple: its standard uncertainty beside it, the model taken
+        leaves all readings far behind. With `return_std` a tuple: its standard uncertainty as well, the model taken
         for complete; `uncertainty` has more to say. With `average` the mean of the last `average` corrected
         readings, or those so far, eqs. (9) (26), as `OnlineCorrector` has it; `Uncertainty.mean` has its uncertainty.
         """
@@ -294,8 +294,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         if return_std:
             corrected, u = self._uncertain(X, "corrected", np.asarray(reading, float))
         else:
-            parts, believed = self._parts(X, reading)
-            corrected = believed - self._removed_part(parts)
+            parts, accepted = self._parts(X, reading)
+            corrected = accepted - self._removed_part(parts)
         self._check_corrected(corrected, reading)
         if average is not None:
             return like(X, MovingAverage(average).many(corrected), "smoothed")
@@ -307,8 +307,8 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
 
         NaN as in `correct`; a Series where X is a DataFrame.
         """
-        parts, believed = self._parts(X, self._reading_numbers(X, y))
-        return like(X, believed - (parts.sum(axis=1) + np.asarray(self._level(X))), "residual")
+        parts, accepted = self._parts(X, self._reading_numbers(X, y))
+        return like(X, accepted - (parts.sum(axis=1) + np.asarray(self._level(X))), "residual")
 
     def evaluate(self, X: Any, y: Any, return_std: bool = False) -> pd.DataFrame:
         """A record in one frame: corrected, model, residual, flag.
@@ -384,7 +384,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         given["degree"] = min(self.degree, getattr(self, "_degree", self.degree))
         features = DiffusiveFeatures(time_constants, **given)
         levels = getattr(self, "_run_levels", RunLevels()) if levels is None else levels
-        features.set_params(effects=levels.beside(as_effects(self.effects)))
+        features.set_params(effects=levels.added_to(as_effects(self.effects)))
         features.set_output(transform="default")  # arrays inside, whatever scikit-learn is set to
         return features
 

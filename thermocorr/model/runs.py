@@ -32,7 +32,7 @@ class RunLevels(NamedTuple):
     times: tuple[float, ...] = ()
     note: str = ""
 
-    def beside(self, effects: list[tuple[str, Effect]]) -> list[tuple[str, Effect]]:
+    def added_to(self, effects: list[tuple[str, Effect]]) -> list[tuple[str, Effect]]:
         """Effects of a model, then the steps between runs."""
         if not self.times:
             return effects

@@ -476,7 +476,7 @@ def unresolved(
         pair = f"Time constants of {' and '.join(span_texts(time_constants[j : j + 2]))}"
         if error > both or not (triangle[j].any() and triangle[j + 1].any()):
             said.append(
-                f"{pair} cannot be told apart in this record: the difference of their coefficients is known to "
+                f"{pair} cannot be distinguished in this record: the difference of their coefficients is known to "
                 f"+-{error:.3g} only, more than both together. What both say together is known, the two coefficients "
                 "are not: leave one out, or record faster temperature changes."
             )

@@ -25,15 +25,15 @@ OTHER = 2.0
 MEMORIES = 5.0
 """Correlation times of its noise that a record must last for the size of that noise to be known."""
 WANDERS = 0.05
-"""Wandering share of the residual variance from which, without a diagnosis, a model counts as incomplete."""
+"""Wandering share of the residual variance at which, without a diagnosis, a model counts as incomplete."""
 
 HIDDEN_DRIFT = (
-    "in the fitted record a drift passes for what the model has, and a forecast goes wrong by it (diagnosis.left says "
-    "how large a drift). Record on, through the same temperatures again."
+    "the model can mimic a drift on the fitted record, so a forecast may be wrong (diagnosis.left has the size of the "
+    "drift). Record longer, through the same temperatures again."
 )
 GOES_ON = (
-    "what the model takes for the start of the fitted record is as likely something that goes on "
-    "(diagnosis.left.start_or), and a forecast goes wrong by it. Record on."
+    "what the model takes for a start-up is as likely something that goes on (diagnosis.left.start_or), so a forecast "
+    "may be wrong. Record longer."
 )
 
 

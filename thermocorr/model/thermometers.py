@@ -97,7 +97,7 @@ class Thermometers(NamedTuple):
     ambient: Any
     """The temperature of the model, T; None where it has yet to be found."""
     further: tuple[Any, ...]
-    """Columns beside it, each with lags of its own."""
+    """Columns besides it, each with lags of its own."""
     declared: Mapping[Any, Thermometer]
     """Properties that the user declares, by column."""
 
@@ -183,7 +183,7 @@ def thermometer_errors(model: Any, X: Any) -> pd.DataFrame:
     Parameters
     ----------
     model : DynamicBiasRegressor
-        Fitted. What it was told by `Thermometer` counts; what it was not is estimated.
+        Fitted. Errors declared in `Thermometer` count; others are estimated.
     X : DataFrame or array of shape (n_rows, n_columns)
         The record; rows that are not evenly spaced are taken as if they were.
 
@@ -243,7 +243,7 @@ def _noise_of(record: Record, name: Any) -> float:
 def resolution_of(parts: Sequence[np.ndarray]) -> float:
     """Step of an instrument; 0 where it shows none."""
     still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
-    # Share of rows that read what the row before read, from which the steps of a thermometer are seen as such: where it
+    # Share of rows that read what the row before read, at which the steps of a thermometer are seen as such: where it
     # moves by several steps a row, they are noise like any other
     if still < 0.5 * sum(max(len(part) - 1, 0) for part in parts):
         return 0.0
@@ -319,7 +319,7 @@ def _error(record: Record, name: Any, noise: float, step: float) -> np.ndarray:
     """Simulated error of a thermometer, row by row.
 
     Steps: the temperature is taken as a straight line between the moments at which its reading changed, when it was
-    midway, and is its reading in the middle of a stay from which it goes back. Noise: drawn, always the same.
+    midway, and is its reading in the middle of a stay before it goes back. Noise: drawn, always the same.
     """
     error = np.zeros(record.n_rows)
     if noise:

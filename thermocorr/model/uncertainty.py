@@ -307,7 +307,7 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
     if rows > 1:
         white = max(within, 0.0) / scaled.unit**2 * rows / (rows - 1) or white
     memory = rows * float(theta[0]) / white
-    # Variance of a bin's mean over that of white noise, from which the noise within bins is taken to remember
+    # Variance of a bin's mean over that of white noise, at which the noise within bins is taken to remember
     kept = (memory - 1) / (memory + 1) if memory > 1.2 else 0.0
     wander, spread = theta[1:], float(covariance[1:, 1:].sum())
     times, total = basis.bin_seconds() * sums.times, float(wander.sum())

@@ -19,7 +19,7 @@ from ..records.numbers import Scale, as_data, number_text, scale_of
 from ..records.screen import error_of
 from .advice import Advice, advise
 from .averages import rms
-from .heteroscedasticity import believed_readings
+from .heteroscedasticity import accepted_readings
 from .out_of_sample import residuals_of_blocks, time_blocks
 from .progress import Progress, reporting
 from .regressor import DynamicBiasRegressor
@@ -173,7 +173,7 @@ def compare_variants(
     Raises
     ------
     TypeError
-        For options of a model beside `model`.
+        For options of a model besides `model`.
     ValueError
         For a degree or a window below 1, or fewer than 2 blocks.
 
@@ -200,7 +200,7 @@ def compare_variants(
     variants = variants_of(dynamic, degree)
     if products:
         variants["dynamic nonlinear with products"] = clone(dynamic).set_params(degree=degree, products=products)
-    reading = believed_readings(dynamic, X, y)
+    reading = accepted_readings(dynamic, X, y)
     blocks = time_blocks(reading, n_blocks)
     inside: dict[str, np.ndarray] = {}
     outside: dict[str, np.ndarray] = {}

@@ -228,7 +228,7 @@ class SuspectsDisplay(Display):
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
                 # Letters next to a bar; `frame` has everything
-                text += "\n" + textwrap.shorten(f"not to be told from {others}", 58, placeholder=" ...")
+                text += "\n" + textwrap.shorten(f"not distinguishable from {others}", 58, placeholder=" ...")
             colour = TEXT if certain.iloc[row] else SOFT
             only.text(float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", linespacing=1.1, color=colour)
         only.set_yticks(range(len(frame)), [wrapped(label, 34) for label in frame["label"]])

@@ -157,7 +157,7 @@ class StepResponseDisplay(Display):
             static law, lags and their products, delay, hinge, hysteresis, a smoothed rate. The effects of other
             columns, of time alone and of the plain rate of change are left out.
         step : float, default 1.0
-            Height, in the unit of the temperature (K for degC). It is a step of the air where the model was told that
+            Height, in the unit of the temperature (K for degC). It is a step of the air where the model knows that
             its thermometer is late itself (`Thermometer`), else one of what the thermometer shows.
         """
         fitted = regressor_of(model)

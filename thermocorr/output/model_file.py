@@ -280,7 +280,7 @@ def _restored(node: ModelNode, errors: Any) -> DynamicBiasRegressor:
     features._validate_params()
     features.effects_ = node.effects
     model._run_levels = RunLevels.among(features.effects_, as_effects(model.effects))
-    features.set_params(effects=model._run_levels.beside(as_effects(model.effects)))
+    features.set_params(effects=model._run_levels.added_to(as_effects(model.effects)))
     effects = features.effect_list()
     static = next(effect for effect in effects if isinstance(effect, StaticPolynomial))
     lags: Any = next((effect for effect in effects if isinstance(effect, ThermalLag)), None)

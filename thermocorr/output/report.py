@@ -332,9 +332,8 @@ def _remarks(model: DynamicBiasRegressor, record: Any, flags: dict[str, int], cu
     if not model.reading_.unit_named:
         name = curves.temperature_name
         remarks.append(
-            f"The data name no unit of {quoted(name)}: its values were taken for "
-            f"{unit_text(model.reading_.temperature_unit)} by their size. If that is wrong, name it, as in "
-            f"{quoted(name + ' [°F]')}."
+            f"The data name no unit of {quoted(name)}: {unit_text(model.reading_.temperature_unit)} is assumed, as its "
+            f"values suggest. If that is wrong, name it, as in {quoted(name + ' [°F]')}."
         )
     return remarks
 

@@ -349,8 +349,8 @@ def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
-    # Allan deviation after over before, from which the correction adds noise: ten per cent of the variance
-    # Degrees of freedom from which the two are compared: their ratio is known far better than either, since they share
+    # Allan deviation after over before, at which the correction adds noise: ten per cent of the variance
+    # Degrees of freedom at which the two are compared: their ratio is known far better than either, since they share
     # their noise
     worse = (ratio > 1.05) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= 30)
     if not worse.any():

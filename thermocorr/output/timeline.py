@@ -130,11 +130,11 @@ class TimeLine:
             axis.set_major_locator(locator)
             ticks = ["%Y", "%b %Y", "%d %b", "%H:%M", "%H:%M", "%S.%f"]
             # the date stands next to the axis only where the ticks are times of day
-            beside = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
+            offsets = ["", "", "%Y", "%d %b %Y", "%d %b %Y", "%d %b %Y %H:%M"]
             zeros = ["", "%Y", "%d %b", "%d %b", "%H:%M", "%H:%M"]
             axis.set_major_formatter(
                 dates.ConciseDateFormatter(
-                    locator, tz=self.zone, formats=ticks, offset_formats=beside, zero_formats=zeros
+                    locator, tz=self.zone, formats=ticks, offset_formats=offsets, zero_formats=zeros
                 )
             )
 

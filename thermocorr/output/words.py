@@ -169,7 +169,7 @@ def suspect_sentence(suspect: Any) -> str:
     size = f", {matters_text(suspect.matters_from)}" if suspect.matters_from else ""
     lag = f"A lag, if any, is below {span_text(suspect.lag_below)}. " if suspect.lag_below else ""
     if suspect.confusable_with:
-        tie = f"; cannot be told apart from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
+        tie = f"; cannot be distinguished from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
     if suspect.in_model:
         tie += "; slow lags of the model have taken it for a slow body, and this record cannot tell which it is"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
@@ -263,13 +263,12 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     elif left.rounding:
         said.append(
             "What is left is no more than the rounding of the reading, in steps of "
-            f"{scale.text(left.rounding)}. That follows all that the reading does: error "
-            "probabilities prove nothing here. More digits would tell more."
+            f"{scale.text(left.rounding)}. Rounding follows the reading, so p-values mean nothing. Log more digits."
         )
     elif left.filtered and not left.absurd:
         said.append(
             f"What is left has a correlation time of {span_text(left.filtered)}, a few samples, and looks like white "
-            "noise beyond. An instrument that filters or averages makes that, or something unseen that changes as fast."
+            "noise beyond. The instrument filters or averages, or something unrecorded changes as fast."
         )
     elif not left.absurd:
         said.append(f"{what} is left looks like white noise.")
@@ -277,7 +276,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     if left.copied and not VERDICTS[verdict].calm:
         said.append(
             f"What is left goes with {', '.join(left.copied[:3])}, and nearly as well with copies of it moved in time: "
-            "a few slow swings prove nothing. A longer record would tell."
+            "a few slow swings prove nothing. Record longer."
         )
     if left.absurd:
         said.append(
@@ -288,7 +287,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         said.append(
             f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}"
             f"{'one reading jumps' if len(left.spikes) == 1 else f'{len(left.spikes)} readings jump'} far out of the "
-            f"noise, the highest {span_text(left.spikes[0])} after the record began: left out of the judgement."
+            f"noise, the farthest {span_text(left.spikes[0])} after the record began: the diagnosis leaves them out."
         )
     if left.loud:
         loud, more = left.loud[0], len(left.loud) - 1
@@ -305,13 +304,13 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     if left.drift_hides and not named:
         which = "a smaller drift than that" if np.isfinite(left.smallest_drift) else "a drift"
         said.append(
-            f"What the model has can take the place of a drift here: {which} passes for it, and a forecast goes wrong "
-            "by that. Record on, through the same temperatures again."
+            f"The model can mimic a drift on this record: {which} would go unseen, and a forecast be wrong by as much. "
+            "Record longer, through the same temperatures again."
         )
     if left.start_or:
         said.append(
-            f"What the model takes for the start of the record is as likely {' or '.join(left.start_or)}, which goes "
-            "on where a start ends: a forecast goes wrong by that. Record on: a longer record tells them apart."
+            f"What the model takes for a start-up is as likely {' or '.join(left.start_or)}, which goes on where a "
+            "start-up ends, so a forecast may be wrong. A longer record distinguishes them."
         )
     return said
 
@@ -336,10 +335,10 @@ def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
             gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
             if row.resolution:
                 far = about if row.gain_error < 1 else "as much as itself"
-                gain = f"may be off by {far}, which is a size and no limit"
+                gain = f"may be off by {far} (an estimate, not a limit)"
             said.append(
                 f"For {whose} the static gain {gain}. "
-                "Readings are corrected as well as this thermometer allows; the gain itself is not to be quoted."
+                "Readings are corrected as well as this thermometer allows; do not quote the gain itself."
             )
     return said
 

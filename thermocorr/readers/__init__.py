@@ -42,7 +42,7 @@ def read_log(
     Parameters
     ----------
     paths : path, sequence of paths, or iterator of DataFrames
-        Files of the same columns are one log where they follow on one another, else runs, told apart by a column
+        Files of the same columns are one log where they follow on one another, else runs, distinguished by a column
         "file". Others are joined by their times, on the rows of the one with the reading. Frames are parts of a log
         that is larger than memory, such as `pandas.read_csv(..., chunksize=100_000)`: their numbers are kept in
         temporary files, and mapped into memory where they are used.

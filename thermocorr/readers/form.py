@@ -20,7 +20,7 @@ from .clocks import LOCAL, Clock
 from .text import STAMPED, Template, rows_of
 
 _DIGITS: Any = {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
-"""How pandas is told to read numbers as they were written: a matter of course from 3.1 on."""
+"""How pandas must read numbers as they were written: a matter of course from 3.1 on."""
 JSON = "{"
 """What stands for a separator where each line is an object of JSON."""
 
@@ -154,7 +154,7 @@ class Form:
             )
         if not skip:
             raise RecordError(
-                f"It cannot be read as a table: {found}: {quoted(lines[k])}. Mend it, or pass over such lines with "
+                f"It cannot be read as a table: {found}: {quoted(lines[k])}. Correct it, or pass over such lines with "
                 f"{option('skip_bad_rows', 'True')}."
             )
         return content, [f"{times_word(len(bad), 'line')} left out, no rows, the first is {found}"], numbers

@@ -82,7 +82,7 @@ class Growing:
         return bool(self._rest.strip())
 
     def _begin(self, text: str, last: bool) -> int | None:
-        """Where the rows begin; None where that cannot be told yet."""
+        """Where the rows begin; None where that is not known yet."""
         lines = text.split("\n")
         if self.form is not None:
             if self.form.long:

@@ -123,7 +123,7 @@ def _described(form: Form, above: int, said: Options) -> list[str]:
     preamble = above - form.below if form.header else 0
     headless = not form.header and not said.names and not form.templates
     found = {
-        "in Windows-1252, as far as one can tell": form.encoding == "cp1252",
+        "probably in Windows-1252": form.encoding == "cp1252",
         _SAID[form.separator]: form.separator != ",",
         "decimal comma": form.decimal == ",",
         f"{times_word(preamble, 'line')} above the header": preamble > 0,
@@ -275,7 +275,7 @@ def _with_times(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]
         if not said.skip_bad_rows and not below:
             raise RecordError(
                 f"{str(clock.text(frame).iloc[row])!r} in {column}, {first}, is no date or time as the others are "
-                f"({clock.format}). Mend it, say {option('time_format')}, or pass over such rows with "
+                f"({clock.format}). Correct it, say {option('time_format')}, or pass over such rows with "
                 f"{option('skip_bad_rows', 'True')}."
             )
         notes.append(f"{times_word(int(lost.sum()), 'row')} without a time left out, the first is {first}")
@@ -314,7 +314,7 @@ def _in_order(frame: pd.DataFrame, said: Options, notes: list[str]) -> pd.DataFr
     keys = pd.DataFrame({"run": frame.get(run, 0), "time": frame.index}, frame.index)
     again = keys.duplicated().to_numpy()
     if again.any():
-        notes.append(f"{times_word(int(again.sum()), 'row')} with the time of one before left out")
+        notes.append(f"{times_word(int(again.sum()), 'row')} with a repeated time left out")
         frame = frame[~again]
     if run not in frame and not frame.index.is_monotonic_increasing:
         order = np.argsort(frame.index, kind="stable")
@@ -356,8 +356,8 @@ def _widened(frame: pd.DataFrame, form: Form, said: Options, notes: list[str]) -
             series[str(name).removeprefix("sensor.")] = values[~values.index.duplicated()]
     most = max(values.count() for values in series.values())
     others = [name for name in series if not TEMPERATURES.search(name) and series[name].count() > 0.01 * most]
-    told = [*filter(None, [said.reading]), *(some[0] for some in (called_readings(others), others) if len(some) == 1)]
-    lead = next((name for name in told if name in series), max(series, key=lambda name: series[name].count()))
+    named = [*filter(None, [said.reading]), *(some[0] for some in (called_readings(others), others) if len(some) == 1)]
+    lead = next((name for name in named if name in series), max(series, key=lambda name: series[name].count()))
     index = series[lead].dropna().index
     notes.append(f"one value a line: {len(series)} columns on the times of {lead!r}")
     return pd.DataFrame({name: on_times(values, index) for name, values in series.items()}, index=index)

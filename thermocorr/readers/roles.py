@@ -37,7 +37,7 @@ RUN = "file"
 RUNS = ("run", "run_id", "run id", RUN)
 """Names, in small letters, that labels of runs go by."""
 FEWEST = 10
-"""Rows from which a column that counts them is told."""
+"""Rows that a column must count."""
 
 
 class Roles(NamedTuple):
@@ -47,9 +47,9 @@ class Roles(NamedTuple):
     reading: str | None
     run: str | None
     in_doubt: dict[str, tuple[str, ...]]
-    """Role that could not be told -> columns that it may be."""
+    """Role that is in doubt -> columns that it may be."""
     why: dict[str, str]
-    """Role that was told from more than a name -> how."""
+    """Role found by more than a name -> how."""
 
     def sentence(self) -> str:
         """Sentence on roles that were guessed."""
@@ -130,15 +130,15 @@ def guess(
         rest = [name for name in others if name != reading]
         if len(rest) == 1 and not _is_surrounding(rest[0]) and not _stands(frame[rest[0]]):
             temperature, why["temperature"] = rest[0], "the only other column"
-    told = {"temperature": temperature, "reading": reading}
-    for role, name in told.items():
+    chosen = {"temperature": temperature, "reading": reading}
+    for role, name in chosen.items():
         alike = [] if name is None else [str(c) for c in frame.columns if _plain(str(c)) == _plain(name)]
         if name is not None and name not in given and len(alike) > 1 and name != _plain(name):  # one name for several
-            told[role], in_doubt[role] = None, tuple(alike)
+            chosen[role], in_doubt[role] = None, tuple(alike)
             why.pop(role, None)
-    for name in told.values():
+    for name in chosen.values():
         refuse_words(frame, name)
-    return Roles(told["temperature"], told["reading"], run, in_doubt, why)
+    return Roles(chosen["temperature"], chosen["reading"], run, in_doubt, why)
 
 
 def refuse_words(frame: pd.DataFrame, name: str | None) -> None:

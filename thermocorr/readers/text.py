@@ -65,8 +65,8 @@ def _bounded(packed: IO[bytes] | gzip.GzipFile, path: Path) -> bytes:
 def decoded(content: bytes, encoding: str | None, path: Path) -> tuple[str, str]:
     """The text with plain line ends, and its encoding.
 
-    UTF-16 without its mark is told by its zeros. Bytes of Windows-1252 are believed above and below the rows: in a row
-    they are damage. Raises RecordError for bytes that fit no encoding, with their line.
+    UTF-16 without its mark is recognised by its zeros. Windows-1252 is accepted around the rows: in a
+    row it is damage. Raises RecordError for bytes that fit no encoding, with their line.
     """
     found = encoding or next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
     pairs = np.frombuffer(content[: min(4000, len(content) // 2 * 2)], np.uint8).reshape(-1, 2) == 0
@@ -82,7 +82,7 @@ def decoded(content: bytes, encoding: str | None, path: Path) -> tuple[str, str]
         damaged = re.match(rb"[\s\"]*[\d-]", content.split(b"\n", line + 1)[line])
         if found != "utf-8" or encoding or damaged or re.search(rb"[\x80-\x9f]", content):
             raise RecordError(
-                f"{path} cannot be read: line {line + 1}: byte {error.start + 1} does not fit {found}. Mend it, or "
+                f"{path} cannot be read: line {line + 1}: byte {error.start + 1} does not fit {found}. Correct it, or "
                 "save the file in UTF-8."
             ) from None
         text, found = content.decode("cp1252"), "cp1252"
@@ -150,8 +150,8 @@ def find_templates(text: str) -> tuple[list[Template], dict[str, str]]:
             unit = re.match(r" ?([°%µμ℃Ω\w/]{1,8})(?=[ ,;]|$)", behind)
             if names[-1] and sign == NUMBER and unit:
                 units[name] = unit[1]
-        told = [name for name in names if name]
-        if set(told) - {"time"} and len(set(told)) == len(told) and (len(usual) == 1 or "time" in told):
+        named = [name for name in names if name]
+        if set(named) - {"time"} and len(set(named)) == len(named) and (len(usual) == 1 or "time" in named):
             templates.append((shape, names))
     return templates, units
 

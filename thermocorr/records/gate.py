@@ -2,9 +2,9 @@
 
 No input moves faster than in the fitted record by more than a margin. A value that does is held back, and the last one
 stands in its place, until the next one speaks for it: one that returns was a fault of one row; one that stays away is
-believed, and doubted. The model then goes on with it, and a second time with the last value from before (its `twin`):
+accepted, and doubted. The model then goes on with it, and a second time with the last value from before (its `twin`):
 the doubtful values may have added the difference to the bias, now or in what the device remembers of them. A doubt ends
-when the input is back, by a jump or all the way, or after `BELIEVED` steps away in the fitted range, pauses not counted
+when the input is back, by a jump or all the way, or after `ACCEPTED` steps away in the fitted range, pauses not counted
 and the last one without a jump: then the room has really moved. An input that stands still to the last digit for much
 longer than it ever did is doubted too, but for the ends of its range.
 
@@ -29,12 +29,12 @@ JUMP = "jump"
 """Flag of a row in which an input is held back; reason why a fitted row is left out."""
 MARGIN = 2.0
 """How much faster than in the fitted record an input may move, and how much longer it may stand still."""
-BELIEVED = 30.0
-"""Usual steps after which an input that has not come back is believed."""
+ACCEPTED = 30.0
+"""Usual steps after which an input that has not come back is accepted."""
 MOST_JUMPS, APART, LOUD = 10, 3.0, 5.0
 """Jumps of a fitted input at most that may be there and back again; how far apart they are from its other moves; size
 of the farthest move over the rms one, below which none is looked for."""
-AGREED, DOUBTED, BELIEVED_AGAIN = range(3)
+AGREED, DOUBTED, ACCEPTED_AGAIN = range(3)
 """How an input stands while there are two courses."""
 CHUNK = 1 << 16
 NAN = math.nan
@@ -134,7 +134,7 @@ def excursions(record: Record, column: Any, motion: Motion, max_gap: float) -> N
         if said is None:
             continue
         for first, behind in zip(*holes(np.flatnonzero(np.isfinite(said.twin))), strict=True):
-            if behind < len(places) and not said.believed[behind]:
+            if behind < len(places) and not said.accepted[behind]:
                 away.append(places[first:behind])
     return np.concatenate(away)
 
@@ -149,12 +149,12 @@ class Judged(NamedTuple):
     """Result of a gate for a row, or for consecutive rows."""
 
     value: Any
-    """The value; the last one that was believed where it is held back."""
+    """The value; the last one that was accepted where it is held back."""
     twin: Any
     """What might stand there instead, where the value is held back or doubted; NaN elsewhere."""
     held: Any
     """True if it is held back."""
-    believed: Any
+    accepted: Any
     """True if a doubt ends with this row because the input has stayed away."""
 
 
@@ -182,7 +182,7 @@ class Gate:
     def state(self) -> tuple[float, ...]:
         """All that is remembered.
 
-        The last value that was believed, its time and that of the last row [s], how far a value that is held back lies
+        The last value that was accepted, its time and that of the last row [s], how far a value that is held back lies
         away (0 for none), the last value before a doubt and its time [s], how many usual steps it has been away since,
         pauses left out, since when the input stands still [s].
         """
@@ -218,21 +218,21 @@ class Gate:
                 return Judged(last, other, True, False)
             if self.level != self.level:
                 self.level, self.began, self.away_for = last, before, 0.0
-        believed = False
+        accepted = False
         if self.level == self.level:
             self.away_for += min(passed / self._step, 1.0)  # a pause says nothing
             far, inside = abs(value - self.level), self.motion.low <= value <= self.motion.high
             if far <= self._move or (jumps and far <= self._move * (time - self.began) / self._step):
                 self.level = NAN  # it is back
-            elif self.away_for > BELIEVED and inside and not jumps:
-                self.level, believed = NAN, True
+            elif self.away_for > ACCEPTED and inside and not jumps:
+                self.level, accepted = NAN, True
         if value != self.last:
             self.since = time
         self.last, self.at, self.odd, self.calm = value, time, 0.0, self.level != self.level
         if self.level == self.level:
             return Judged(value, self.level, False, False)
         stands = time - self.since > self._rest and not self._at_end(value)
-        return Judged(value, self._moved(value) if stands else NAN, False, believed) if believed or stands else None
+        return Judged(value, self._moved(value) if stands else NAN, False, accepted) if accepted or stands else None
 
     def _at_end(self, value: float) -> bool:
         """True if an input may rest here, as rain at zero."""
@@ -286,7 +286,7 @@ EMPTY = (NAN, NAN, NAN, 0.0, NAN, NAN, 0.0, NAN)
 class Doubt:
     """Doubted inputs, row by row: two courses of the model.
 
-    An input is doubted from a row in which it has a twin until it is believed, or until the two courses are one again:
+    An input is doubted from a row in which it has a twin until it is accepted, or until the two courses are one again:
     they have agreed for as long as the effects remember. So a belief ends the doubt of its own input alone.
 
     `inputs` (int): How many there are. `deviation` (float): Standard deviation of the residuals. `memory` (float): How
@@ -306,10 +306,10 @@ class Doubt:
         """Status of each input; time of the last difference [s]."""
         return self.stands, self.apart
 
-    def rows(self, doubted: Any, believed: Any, difference: Floats, seconds: Floats) -> Floats:
+    def rows(self, doubted: Any, accepted: Any, difference: Floats, seconds: Floats) -> Floats:
         """Change of the bias by doubtful inputs, shape (n,).
 
-        `doubted`, `believed` (array of bool, shape (n, inputs)): Whether each input has a twin, and whether its doubt
+        `doubted`, `accepted` (array of bool, shape (n, inputs)): Whether each input has a twin, and whether its doubt
         ends. `difference` (array, shape (n,)): Of the biases of the two courses. `seconds` (array, shape (n,)): Times.
         """
         found = np.abs(difference)
@@ -318,11 +318,11 @@ class Doubt:
         apart = np.maximum.accumulate(np.where((found > self.agrees) | doubted.any(axis=1), k, -1))
         apart_at = np.where(apart >= 0, seconds[apart], self.apart)
         agreed = (seconds - apart_at > self.memory)[:, np.newaxis]
-        events = np.select([doubted, agreed, believed], [DOUBTED, AGREED, BELIEVED_AGAIN], -1)
+        events = np.select([doubted, agreed, accepted], [DOUBTED, AGREED, ACCEPTED_AGAIN], -1)
         last = np.maximum.accumulate(np.where(events >= 0, k[:, np.newaxis], -1), axis=0)
         stands = np.where(last >= 0, np.take_along_axis(events, last, 0), self.stands)
         self.stands, self.apart = tuple(stands[-1].tolist()), float(apart_at[-1])
-        counts = (stands == DOUBTED).any(axis=1) | ~(stands == BELIEVED_AGAIN).any(axis=1)  # so before all of them
+        counts = (stands == DOUBTED).any(axis=1) | ~(stands == ACCEPTED_AGAIN).any(axis=1)  # so before all of them
         return np.where(counts, found, 0.0)
 
     def over(self) -> bool:

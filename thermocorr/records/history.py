@@ -21,7 +21,7 @@ from .types import LARGEST, Column, Counted, Number, Positive, Sizes, Stamp
 from .units import other_units
 
 GAP = 2.5
-"""Steps, in usual ones, from which what was between is taken for unknown."""
+"""Steps, in usual ones, at which the time between is unknown."""
 MOST_ROWS = 200_000
 """Rows of a segment that tell how columns wander, at most."""
 
@@ -145,7 +145,7 @@ def rows_apart(record: Record) -> str:
         f"{f'Row {some[0]} stands' if one else f'Rows {some[0]} to {some[1]} stand'} far apart from the others: "
         f"{record.times.label(after)} in row {after} follows {record.times.label(before)} in row {before} after "
         f"{span_text(longest)}, and all the others lie within {span_text(rest)}. "
-        f"{'Is its time' if one else 'Are their times'} damaged? Mend {'it' if one else 'them'}, or leave "
+        f"{'Is its time' if one else 'Are their times'} damaged? Correct {'it' if one else 'them'}, or leave "
         f"{'the row' if one else 'the rows'} out; if not, pass {option('max_gap', f'{3 * usual:.5g}')} to start a new "
         "segment there."
     )

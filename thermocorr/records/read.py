@@ -113,7 +113,7 @@ def check_order(record: Record, layout: Layout) -> None:
     RecordError says what to do.
     """
     segment = record.longest()
-    # Rows of a record without times from which it shows whether they have an order
+    # Rows of a record without times that show whether they have an order
     if layout.sampling_period is None or record.times.kind != "rows" or segment.n_rows < 50:
         return
     rows = record.kept(segment.start, min(segment.stop, segment.start + _CHUNK))
@@ -140,7 +140,7 @@ def check_max_gap(record: Record, layout: Layout) -> None:
     parts = [record.kept_places(start, min(stop, start + _CHUNK)) for start, stop, _ in record.segments[:_CHUNK]]
     steps = record.times.steps(record.rows_at(np.concatenate(parts)[:_CHUNK]))[1:]
     steps = steps[steps > 0]
-    # Share of the steps that are longer than `max_gap`, from which rows stand alone and nothing can be learned
+    # Share of the steps that are longer than `max_gap`, at which rows stand alone and nothing can be learned
     if len(steps) and (steps > most).mean() >= 0.9:
         usual = float(np.median(steps))
         raise ValueError(
@@ -322,7 +322,7 @@ def _check_steps(
             continue
         bad = inside & (steps <= 0)
         if bad.any():
-            # Share of the steps that go back in time, from which the rows have no order: shuffled ones have half
+            # Share of the steps that go back in time, at which the rows have no order: shuffled ones have half
             shuffled = bad.sum() > 0.2 * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
@@ -365,7 +365,7 @@ def _refuse_order(
     if k > 1 and not shuffled and _is_ahead(times, early, before, row, usual):
         raise RecordError(
             f"Row {before} stands far ahead of the others: {times.label(before)} between {times.label(early)} in row "
-            f"{early} and {times.label(row)} in row {row}. Is its time damaged? Mend it, or leave the row out."
+            f"{early} and {times.label(row)} in row {row}. Is its time damaged? Correct it, or leave the row out."
         )
     split = way(
         "sort them with --skip-bad-rows",

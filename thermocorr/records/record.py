@@ -178,9 +178,9 @@ class Block:
     steps: Floats
     """``steps[k]`` is the time from the sample before k to sample k [s]; ``steps[0]`` is 1 where the segment begins."""
     zero: float
-    """Stamp from which `seconds` counts: the first row of the fitted record."""
+    """Origin of `seconds`, a stamp: the first row of the fitted record."""
     segment_zero: float
-    """Stamp from which `elapsed` counts: the first row of the (fitted) segment."""
+    """Origin of `elapsed`, a stamp: the first row of the (fitted) segment."""
     segment_key: int | None
     """Number of the fitted segment that this block belongs to, None for a new one."""
     values: dict[object, Floats] = field(default_factory=dict, repr=False)
@@ -278,10 +278,10 @@ class Record:
     refused: tuple[Refused, ...] = field(default=(), compare=False)
     """What the screen left out of this record."""
     held: NDArray[np.bool_] | None = field(default=None, repr=False, compare=False)
-    """Rows in which an input is held back: the last value that was believed stands there; None for none."""
+    """Rows in which an input is held back: the last value that was accepted stands there; None for none."""
     twins: Mapping[object, Floats] = field(default_factory=dict, repr=False, compare=False)
     """What might stand in a column for values that are held back or doubted, NaN for others, shape (n_rows,)."""
-    believed: Mapping[object, NDArray[np.bool_]] = field(default_factory=dict, repr=False, compare=False)
+    accepted: Mapping[object, NDArray[np.bool_]] = field(default_factory=dict, repr=False, compare=False)
     """Rows with which the doubt of a column ends because it has stayed away, shape (n_rows,)."""
     doubt: Floats | None = field(default=None, repr=False, compare=False)
     """What the twins move the bias of a model by in each row, shape (n_rows,); None without twins."""
@@ -453,7 +453,7 @@ class Record:
     ) -> Iterator[Block]:
         """Blocks of at most `size` rows in time order.
 
-        `zero` is the stamp from which seconds count (this record's first by default); `starts` ties segments,
+        `zero` is the origin of seconds, a stamp (this record's first by default); `starts` ties segments,
         by number, to those of the fitted record.
         """
         zero = self.first_stamp() if zero is None else zero

@@ -95,7 +95,7 @@ def error_of(y: Any, X: Any, reference: object = None) -> NDArray[Any]:
 
 
 SAMPLES, SAMPLE_ROWS = 16, 256
-"""Stretches, and rows of each, from which a long record tells what is usual."""
+"""Stretches, and rows of each, that show what is usual in a long record."""
 MOST_KEPT = 10_000
 """Spikes that are known again in later rows at most."""
 LISTED = 10
@@ -202,7 +202,7 @@ class Screen:
 
     def gated(self, record: Record, zero: float, max_gap: float | None) -> Record:
         """The record with held inputs, and twins of doubted ones."""
-        columns, twins, believed = dict(record.columns), dict(record.twins), dict(record.believed)
+        columns, twins, accepted = dict(record.columns), dict(record.twins), dict(record.accepted)
         held = np.zeros(record.n_rows, bool)
         for column, gate, rows in self._chunks_of_inputs(record, max_gap):
             values = np.asarray(record.columns[column][rows], float)
@@ -217,11 +217,11 @@ class Screen:
             if not np.isnan(found.twin).all():
                 twin = twins.setdefault(column, np.full(record.n_rows, np.nan))
                 twin[rows] = np.where(np.isnan(found.twin), twin[rows], found.twin)
-            if found.believed.any():
-                believed.setdefault(column, np.zeros(record.n_rows, bool))[rows] |= found.believed
+            if found.accepted.any():
+                accepted.setdefault(column, np.zeros(record.n_rows, bool))[rows] |= found.accepted
         if not (held.any() or twins):
             return record
-        return replace(record, columns=columns, known_moments={}, held=held, twins=twins, believed=believed)
+        return replace(record, columns=columns, known_moments={}, held=held, twins=twins, accepted=accepted)
 
     def _chunks_of_inputs(self, record: Record, max_gap: float | None) -> Iterator[tuple[Any, Gate, Any]]:
         """Each input, its gate, and the user's rows."""
@@ -363,7 +363,7 @@ def without(record: Record, column: Any, reason: str, positions: Rows, max_gap: 
     cut = replace(record, refused=refused).passing_over(positions, max_gap)
     if not cut.segments:
         raise RecordError(
-            f"No value in {quoted(column)} is believed: all {record.n_used} rows are refused as {reason}s. "
+            f"No value in {quoted(column)} is accepted: all {record.n_used} rows are refused as {reason}s. "
             f"Check the column, or {way('fit in Python with screen=False', 'pass screen=False')}."
         )
     return cut
@@ -390,8 +390,8 @@ def _note(refused: Refused) -> str:
     count = len(refused.rows)
     if refused.reason == REPEAT:
         return (
-            f"{count} of the readings are the one of the row before to the last digit: the instrument measures less "
-            "often than it is logged. They are left out; the first row of each reading is learned from."
+            f"{times_word(count, 'reading')} {'repeats' if count == 1 else 'repeat'} the row before exactly: the "
+            "instrument measures less often than it is logged. The first row of each reading is learned from."
         )
     rows = [str(row) for row in refused.rows[:LISTED].tolist()]
     more = f" and {count - LISTED} more" if count > LISTED else ""

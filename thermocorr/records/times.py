@@ -97,7 +97,7 @@ def no_times_text(index: pd.Index | None) -> str:
     steps = np.diff(numbers)
     skips = (steps > 0).all() and not (numbers % 1).any() and np.median(steps) == 1
     missing = (
-        f"It skips {steps.sum() - len(steps):.0f} numbers, and the rows beside these are taken as neighbours: keep all "
+        f"It skips {steps.sum() - len(steps):.0f} numbers, and the rows around these are taken as neighbours: keep all "
         "rows, readings NaN where they are unknown, and do not shuffle folds. "
     )
     return (

@@ -20,7 +20,7 @@ _SUFFIXES = {
 }  # fmt: skip
 """Ending of a name, behind an underscore -> unit."""
 _ENDINGS = ("Hz", "ohm", "Ohm", "V", "A", "W", "Pa", "T", "Gal", "strain")
-"""Units that may end a name with any of the prefixes that they take, beside those endings."""
+"""Units that may end a name with any of the prefixes that they take, besides those endings."""
 _WRITTEN = {
     "°c": "degC", "℃": "degC", "deg c": "degC", "celsius": "degC", "c": "degC", "°f": "degF", "℉": "degF",
     "deg f": "degF", "fahrenheit": "degF", "f": "degF", "kelvin": "K", "°k": "K", "µv": "uV", "μv": "uV", "ω": "ohm",
@@ -29,7 +29,7 @@ _WRITTEN = {
     "minutes": "min", "hour": "h", "days": "d", "d": "d", "us": "us", "µs": "us", "ohm": "ohm",
     "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "h": "h", "hours": "h", "bar": "bar", "mhz": "MHz",
 }  # fmt: skip
-"""How people and programs write units, in small letters, beside the values of `_SUFFIXES`."""
+"""How people and programs write units, in small letters, besides the values of `_SUFFIXES`."""
 DEGREES = ("degC", "degF", "K")
 """Units of temperatures."""
 TEMPERATURES = re.compile(
@@ -55,7 +55,7 @@ _SIGNS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u2126": "ohm", "\u03a9":
 _POWER = re.compile(r"(.*?[A-Za-z%])(\^?[23])?")
 """A unit, and its power."""
 _UNDER = ("h", "min", "d")
-"""What may stand in a quotient of units beside those that are known."""
+"""What may stand in a quotient of units besides those that are known."""
 
 
 def difference_unit(unit: str) -> str:
@@ -66,7 +66,7 @@ def difference_unit(unit: str) -> str:
 def units_differ(name: str, unit: str, other_name: str, other_unit: str) -> bool:
     """True if two columns' units contradict each other.
 
-    A single letter at the end of a name may be no unit (``"dut_A"``, ``"dut_C"``): it is believed where both would be
+    A single letter at the end of a name may be no unit (``"dut_A"``, ``"dut_C"``): it is accepted where both would be
     units of the same quantity.
 
     Examples
@@ -194,7 +194,7 @@ class OtherUnit(NamedTuple):
 def other_units(low: float, high: float) -> tuple[OtherUnit, ...]:
     """Units in which absurd temperatures would be usual.
 
-    Degrees Fahrenheit are not told from degC by their size alone.
+    Degrees Fahrenheit look like degC by their size.
 
     Examples
     --------

@@ -40,7 +40,7 @@ class Kind(NamedTuple):
 def exported(story: Any, kind: str) -> bytes:
     """One of `KINDS`; ValueError for others, or without a model."""
     if kind not in KINDS:
-        raise ValueError(f"{kind!r} cannot be taken away. There are: {', '.join(KINDS)}.")
+        raise ValueError(f"{kind!r} is no file to take. There are: {', '.join(KINDS)}.")
     found = story.now
     if found is None:
         raise ValueError("There is no model yet: say first which column is the temperature and which the reading.")

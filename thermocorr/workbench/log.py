@@ -28,7 +28,7 @@ class Log:
     """A log, read."""
 
     frame: pd.DataFrame
-    """Indexed by its times, where a file has told them; its `attrs` say how it was read."""
+    """Indexed by its times, where a file has them; its `attrs` say how it was read."""
     name: str
     """What it is called on a screen."""
     files: tuple[str, ...] = ()

@@ -220,7 +220,7 @@ class Hub:
 
     def _tell(self, kind: str, content: dict[str, Any]) -> None:
         for page in list(self.pages):
-            if page.full():  # it does not read: when it comes again it is told everything
+            if page.full():  # it does not read: when it comes again it gets everything
                 self.leave(page)
                 continue
             page.put_nowait(event(kind, content))

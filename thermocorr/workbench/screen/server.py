@@ -237,7 +237,7 @@ class Workbench:
         except (ValueError, OSError, ClientDisconnect) as error:  # a TimeoutError is an OSError
             shutil.rmtree(path.parent, ignore_errors=True)
             too_large = isinstance(error, TooLarge)
-            return _failed(str(error) or "The file did not come whole.", 413 if too_large else 422)
+            return _failed(str(error) or "The file did not arrive completely.", 413 if too_large else 422)
         own = self.hub.opening.effects_file
         try:
             await self.hub.open(Opening(paths=(str(path),), names=(name,), effects_file=own))
@@ -284,7 +284,7 @@ async def _json(request: Request) -> dict[str, Any] | str:
             if len(content) > (1 << 16):
                 return "This is too much."
     except (ClientDisconnect, TimeoutError):
-        return "The request did not come whole."
+        return "The request did not arrive completely."
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):
@@ -308,7 +308,7 @@ def run(opening: Opening, *, port: int = 0, keep: bool = False, ready: Callable[
             listening.bind(("127.0.0.1", port))
         except (OSError, OverflowError) as error:
             said = getattr(error, "strerror", None) or error
-            raise RecordError(f"Port {port} cannot be had: {said}. Without --port a free one is taken.") from None
+            raise RecordError(f"Port {port} is not free: {said}. Without --port a free one is taken.") from None
         listening.listen(2048)  # who comes a moment too early waits
         hub = Hub(opening)
         try:

@@ -17,7 +17,7 @@
     return made;
   }
 
-  // A number as the program says it, its every digit beside it for who reads the page by machine.
+  // A number as the program says it, with all digits as an attribute for who reads the page by machine.
   function number(figure, otherwise = "–") {
     return figure ? element("data", { class: "n", value: figure.value }, figure.text) : element("span", { class: "soft" }, otherwise);
   }

@@ -144,7 +144,7 @@
         onclick: () => act.add(i, alike),
         onfocus: () => act.preview(i, alike, preview), onmouseenter: (event) => { event.stopPropagation(); act.preview(i, alike, preview); },
       }, alike == null ? "Add" : `Add ${label}`);
-      const alike = one.alike.length ? element("div", { class: "alike" }, element("span", { class: "fine" }, "cannot be told apart from "), one.alike.map((label, k) => add(k, label))) : null;
+      const alike = one.alike.length ? element("div", { class: "alike" }, element("span", { class: "fine" }, "cannot be distinguished from "), one.alike.map((label, k) => add(k, label))) : null;
       const figures = [element("dt", {}, "of averages"), element("dd", { class: one.later?.value > 0 ? "bad" : "" }, number(one.later)), element("dt", {}, "better in"), element("dd", {}, one.stretches), element("dt", {}, "p-value"), element("dd", {}, one.p)];
       const made = card(one.cause ? "cause" : "",
         element("div", { class: "head" }, element("strong", {}, one.label), UNPROVEN[one.standing] ? element("span", { class: "standing" }, UNPROVEN[one.standing]) : null, add(null, one.exactly)),
