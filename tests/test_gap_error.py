@@ -170,7 +170,7 @@ def test_what_many_fits_say_is_said_once(work):
         else:
             refine(model, X, y)
     said = [" ".join(str(one.message).split()[:2]) for one in caught]
-    assert sorted(said) == ["Sampling has", "The temperature"]
+    assert sorted(said) == ["Sampling has", "The device"]
 
 
 LEARNED = 3500

@@ -51,7 +51,7 @@ def test_a_drift_hides_where_temperature_and_time_go_together(seed, returns):
     X, y = pd.DataFrame({"temperature": room.to_numpy()}, stamps), pd.Series(reading.to_numpy(), stamps)
     model = DynamicBiasRegressor("temperature", ["8 min", "20 min"]).fit(X, y)
     found = diagnose(model, X, y)
-    assert ("can take the place of a drift" in str(found).replace("\n    ", " ")) is not returns
+    assert ("can mimic a drift" in str(found).replace("\n    ", " ")) is not returns
     assert (found.verdict != "nothing missing") is returns
     assert "signed" not in set(model.uncertainty(X, y, diagnosis=found).frame()["status"])
     aged = DynamicBiasRegressor("temperature", ["8 min", "20 min"], effects=[Drift()]).fit(X, y)
