@@ -32,16 +32,12 @@ from ..records.numbers import span_text
 from ..records.units import unit_of
 from .loading import OneColumn, add_table_options, how_to_read, number_or_span
 
-POLL = 0.1
-"""Time between looks at a log that does not grow [s]."""
 REFUSED = ("stale time", "backward time")
 """Flags of rows that get no result for their time."""
 MANY = 0.1
 """Share of flagged rows at which their number is printed."""
 SHOWN = 20
 """Notes on lines that are shown; further ones are counted."""
-AT_ONCE = 1 << 16
-"""Bytes of a growing log that are read at once, at most."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -306,7 +302,7 @@ def _opened(log: str) -> BinaryIO:
 def _pieces(source: Any, follow: bool, name: str) -> Iterator[bytes]:
     """A log's pieces as they come."""
     while True:
-        piece = source.read1(AT_ONCE)
+        piece = source.read1(1 << 16)
         if piece:
             yield piece
         elif not follow or name == "-":
@@ -314,4 +310,4 @@ def _pieces(source: Any, follow: bool, name: str) -> Iterator[bytes]:
         else:
             if os.fstat(source.fileno()).st_size < source.tell() or not Path(name).exists():
                 raise RecordError(f"{name} was cut or replaced. Start the command again.")
-            time.sleep(POLL)
+            time.sleep(0.1)

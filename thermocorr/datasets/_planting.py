@@ -16,12 +16,9 @@ from ._heat import STREAMS, Array, check_choice, check_float
 from ._planted import PLANTS, Parameters, Run, Scene, of_own_columns
 
 _WHO = "make_record"
-_SPANS = ("time_constant", "delay", "lead", "onset", "period", "dwell")
-_COLUMNS = ("column", "fast", "slow")
 _MOMENTS = ("time", "start", "end")
 _INTERVALS = {"width": "(0.0, inf)", "knee": "(-inf, inf)"}
 _CHOICES = {"side": ("above", "below")}
-_COUNTS = ("degree", "harmonics", "power")
 
 
 class Planting(NamedTuple):
@@ -103,7 +100,7 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
     if name == "time_constants":
         values = [value] if isinstance(value, str) or np.ndim(value) == 0 else list(value)
         return [seconds_of(tau, name) for tau in values]
-    if name in _SPANS and value is not None:
+    if name in ("time_constant", "delay", "lead", "onset", "period", "dwell") and value is not None:
         return seconds_of(value, name)
     if name in _MOMENTS and isinstance(value, str | pd.Timestamp):
         return _since(start, value)
@@ -112,7 +109,7 @@ def _checked(kind: str, name: str, value: Any, start: pd.Timestamp) -> Any:
         check_choice(_WHO, said, value, _CHOICES[name])
     if name == "temperature_products":
         return bool(value)
-    if name in _COUNTS:
+    if name in ("degree", "harmonics", "power"):
         return check_int(_WHO, said, value, 1)
     if name in _INTERVALS or name in _MOMENTS:
         return check_float(_WHO, said, value, _INTERVALS.get(name, "(-inf, inf)"))
@@ -150,7 +147,7 @@ def plant(
         return contributions, truth
     scene = _scene(runs, step)
     for planting in plantings:
-        for name in _COLUMNS:
+        for name in ("column", "fast", "slow"):
             column = planting.given.get(name)
             if column is not None:
                 check_choice(_WHO, f"effects[{planting.kind!r}][{name!r}]", column, tuple(runs[0].columns))

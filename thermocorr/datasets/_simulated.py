@@ -17,9 +17,7 @@ from ._planted import Run
 from ._planting import plant, read_plantings
 
 _BASE = 250.0  # [ppm]
-_SENSITIVITY = 10.0  # [ppm/K]
 _REFERENCE_TEMPERATURES = {"lab": 22.5, "outdoor": 12.0, "chamber": 25.0}  # [degC]
-_PAUSE = 86_400.0  # [s] between runs
 _UNITS = {"temperature": "degC", "humidity": "%", "pressure": "hPa", "supply": "V", "mains": "V", "reading": "ppm"}
 
 
@@ -142,10 +140,7 @@ def make_record(
         raise ValueError(f"The 'gaps' parameter of make_record must be at most n - 1 = {n - 1}. Got {gaps} instead.")
 
     body = make_device(
-        device,
-        sensitivity=_SENSITIVITY,
-        nonlinearity=nonlinearity,
-        reference_temperature=_REFERENCE_TEMPERATURES[setting],
+        device, sensitivity=10.0, nonlinearity=nonlinearity, reference_temperature=_REFERENCE_TEMPERATURES[setting]
     )
     began = first = _checked_start(start)
     plantings = read_plantings(effects, began)
@@ -155,7 +150,7 @@ def make_record(
         seconds = (first - began).total_seconds()
         simulated.append(_simulate_run(body, setting, grid, kept, first, seconds, noises, initial_offset, seed, run))
         indices.append(pd.DatetimeIndex(first + pd.to_timedelta(grid[kept], unit="s"), name="time"))
-        first = indices[-1][-1].round("s") + pd.Timedelta(seconds=_PAUSE)
+        first = indices[-1][-1].round("s") + pd.Timedelta(days=1)
     planted, about = plant(plantings, [part.run for part in simulated], sampling_period, noises.white, seed)
 
     records, truths = [], []

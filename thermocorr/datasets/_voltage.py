@@ -13,13 +13,11 @@ from ._devices import Device, package_stack
 from ._heat import Array, check_choice, compose_reading, stream, truth_frame
 
 _ROWS = 84_000
-_SAMPLING_PERIOD = 15.0  # [s]
 _PREHISTORY = 5_760  # samples, one day: the device is not at equilibrium when the record starts
 _START = pd.Timestamp("2024-03-04 00:00")
 _SEED = 17
 _BASE = 0.1040  # [mV]
 _NOISE = 5.85e-5  # [mV]
-_CLIMATE = LabClimate(cycling=0.093)
 _DEVICE = Device(
     package_stack(50.0),
     linear={"package": 0.9435, "base": 0.0565},
@@ -78,9 +76,9 @@ def load_voltage_reference(*, hidden: Literal["moisture"] | None = None, return_
 
 @lru_cache(maxsize=2)
 def _simulate(hidden: str | None) -> tuple[pd.DataFrame, pd.DataFrame]:
-    time = _SAMPLING_PERIOD * np.arange(-_PREHISTORY, _ROWS, dtype=np.float64)
+    time = 15.0 * np.arange(-_PREHISTORY, _ROWS, dtype=np.float64)
     weekday = (_START.weekday() - 1) % 7  # of the day before
-    air = lab_temperature(stream(_SEED, 0, "temperature"), time - time[0], weekday, 0.0, _CLIMATE)
+    air = lab_temperature(stream(_SEED, 0, "temperature"), time - time[0], weekday, 0.0, LabClimate(cycling=0.093))
     columns = {"temperature": air}
     columns["humidity"] = room_humidity(stream(_SEED, 0, "humidity"), time, air)
     columns["pressure"] = air_pressure(stream(_SEED, 0, "pressure"), time)

@@ -14,9 +14,6 @@ from .grids import temperature_quantiles
 from .protocol import TEMPERATURE_DIFFERENCE, Effect, EffectInfo
 from .signals import Signals
 
-_SHARES = np.geomspace(0.03, 0.9, 10)
-"""Widths to try, as shares of the range that holds 96 % of the temperatures."""
-
 
 class Hysteresis(Effect):
     """Play of width w, less T [K].
@@ -59,7 +56,7 @@ class Hysteresis(Effect):
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """Widths from 3 % to 90 % of the range of temperatures."""
         low, high = temperature_quantiles(record, (0.02, 0.98))
-        return [cls(float(f"{width:.3g}")) for width in _SHARES * (high - low) if width > 0]
+        return [cls(float(f"{width:.3g}")) for width in np.geomspace(0.03, 0.9, 10) * (high - low) if width > 0]
 
     def learn(self, record: Record) -> None:
         """Check the width."""

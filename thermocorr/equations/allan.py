@@ -21,9 +21,6 @@ from scipy import stats
 
 Floats = NDArray[np.float64]
 
-COVERAGE = 2 / 3
-"""An average counts if at least this share of its cells is known."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class AllanDeviation:
@@ -187,7 +184,7 @@ class CellSums:
             return total / m
         count = self.count[m::stride] - self.count[:-m:stride][: len(total)]
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(count >= max(COVERAGE * m, 1), total / count, np.nan)
+            return np.where(count >= max(2 * m / 3, 1), total / count, np.nan)
 
 
 def squared_steps(sums: Sequence[CellSums], m: int) -> tuple[int, float]:

@@ -22,7 +22,7 @@ from ..records.history import in_memory
 from ..records.numbers import is_frame, numeric_reading
 from ..records.screen import screened
 from ..records.types import kind_of
-from .levels import APART, FASTEST, FEWEST_SAMPLES, LAGS, MOST_ROWS, MOST_SOUND, SLOWEST, TIME_LIKE
+from .levels import LAGS, MOST_ROWS, MOST_SOUND, SLOWEST
 
 
 def filled(record: Record, used: Collection[Any], most_missing: float = 1 - MOST_SOUND) -> Record:
@@ -57,13 +57,15 @@ class ThermalBase:
     def of(cls, model: DynamicBiasRegressor, record: Record) -> ThermalBase:
         """Unlearned effects, for this record or its averages."""
         slowest, own = _slowest(record), np.asarray(model.time_constants_, float)
-        grid = np.geomspace(FASTEST * record.usual_step(), slowest, LAGS)
+        # A device faster than the sampling shows as a lag of less than a step.
+        grid = np.geomspace(0.25 * record.usual_step(), slowest, LAGS)
         further = [clone(effect) for _, effect in model.features_.further_effects()]
         if model.products:
             further += [clone(effect) for effect in model.features_.effect_list() if isinstance(effect, LagProducts)]
         static = StaticPolynomial(model.degree_, model.reference_temperature)
         taus = np.unique(np.concatenate((grid, own[own <= slowest])))
-        taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > APART))]
+        # Time constants closer than 2 % are one.
+        taus = taus[np.concatenate(([True], np.diff(np.log(taus)) > 0.02))]
         slow: list[Effect] = [ThermalLag([tau]) for tau in own[own > slowest]]
         return cls([static, ThermalLag(taus.tolist()), *further], slow, slowest)
 
@@ -74,7 +76,8 @@ def _slowest(record: Record) -> float:
     It is at least a few samples long, however short the segments.
     """
     together = sum(record.read_duration(segment) for segment in record.segments)
-    return max(min(SLOWEST * together, record.longest_read()), FEWEST_SAMPLES * record.usual_step())
+    # However short the segments, the slowest lag of the base lasts eight steps.
+    return max(min(SLOWEST * together, record.longest_read()), 8 * record.usual_step())
 
 
 def residuals_of(model: DynamicBiasRegressor, read: Record, judged: Record) -> tuple[np.ndarray, float]:
@@ -189,7 +192,8 @@ def _clock(column: np.ndarray, read: Record) -> bool:
         return False
     sound = np.isfinite(column)
     together = np.corrcoef(rows[sound], column[sound])
-    return bool(abs(together[0, 1]) > TIME_LIKE)
+    # A column that goes with time so closely is a clock, no suspect.
+    return bool(abs(together[0, 1]) > 0.999_999)
 
 
 def as_fitted(model: DynamicBiasRegressor, X: Any) -> Any:

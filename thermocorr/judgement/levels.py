@@ -16,27 +16,18 @@ of seven hundred tests (chi-square, one degree of freedom)."""
 DRIFT_TO_STEP, DRIFT_TO_NOISE = 7.0, 3.0
 """The smallest drift that could be seen, over the smallest step and over a reading's noise, at which drifts hide in
 what the model has. In ordinary records the smallest drift is two to four steps, in few steps of a chamber up to 26."""
-TO_A_DECADE = 8
-"""Points that a spectrum has to a factor of ten in frequency."""
 RANKED = 10
 """Suspects that are listed at most, causes among them."""
 FILTER_LENGTH, FILTER_WHITE = (15.0, 2.0), 0.1
 """Memory of a filter's noise at most [samples], without white noise and with some; share of all that is some."""
-GAUSSIAN = (2.4, 4.5)
-"""Fourth moments between which noise is Gaussian, as a filter's is."""
-TAILS, NINE_TENTHS = 3.0, 1.645
+TAILS = 3.0
 """Rms of the residual over its usual size (nine tenths of Gaussian noise are below 1.645), at which a few readings
 make most of it. Student's t with three degrees has 1.2, one reading in thirty of sixty times the size 10."""
-LONGEST_MEAN = 3
-"""Means of equal length that a record must hold: structure below the noise of the longest such mean is no error that a
-user can see."""
 
 # Where it fails
 
 PLACES = 12
 """Stretches of time, ranges of a condition, and parts of a day that the residual is looked at in."""
-STATES = 4
-"""Different values of a column up to which each is a condition of its own: a switch, a mode."""
 PLACES_BEYOND = 3.0
 """Error beyond the noise, in standard deviations of what noise alone shows. Below this, no place is shown."""
 
@@ -54,12 +45,6 @@ FEWEST = 100
 LAGS = 14
 """Lags of the thermal part that suspects are judged given, evenly in the logarithm, with the model's own. A
 poorer part makes other effects look guilty."""
-FASTEST = 0.25
-"""Fastest lag of the base, in sampling steps: a device faster than the sampling shows as a lag of less than a step."""
-FEWEST_SAMPLES = 8
-"""Least time constant of the slowest lag of the base, in sampling steps, however short the segments."""
-APART = 0.02
-"""Difference of the logarithms of two time constants below which they are one."""
 SLOWEST = 0.1
 """Slowest lag of the base, as a share of all segments together; none is slower than the longest segment. Slower ones
 take drift, ageing and slow columns upon themselves: they are suspects instead."""
@@ -71,35 +56,10 @@ BEYOND = 2.0
 START_HELD = 0.03
 """Size of a direction that they span, over that of the first, below which it is left out: each takes of slow causes. In
 300 runs all that thirteen decays span hid a humidity, and two directions left a hysteresis that was not there."""
-GROUPS = 16
-"""Groups of segments, every sixteenth in one, whose starts are taken together for what they cost in each band of
-frequency: what one segment's directions share with another's so far away is next to nothing."""
-HELD = 1e-9
-"""Share of a column in a segment, given its start-up decays, below which it counts as rounding error."""
-TIME_LIKE = 0.999_999
-"""Correlation with time above which a recorded column is a clock, no suspect."""
-MOST_EMPTY = 8
-"""Steps of time for each averaged row, above which a search for waves counts rows instead: pauses of months."""
 LEAST_OWN = 0.1
 """Share of a wave, or of a law that changes at a row, outside the base, below which its gain is unknown."""
-FAINT = 1e-9
-"""Share of the inverse covariance of a noise that is too little to be carried along from row to row."""
-TAKEN = 2_000
-"""Rows at which it is computed what the base holds of a law that changes there, straight lines between: the gain of a
-change is wrong by less than 1 % on simulated devices, with 250 rows by up to 3 %."""
-LEAST_RULE = 0.05
-"""Share of the record before and after the moment at which another law begins: one learned from a few last rows is
-tested by none."""
-NYQUIST = 0.98
-"""Fastest wave that is tried, over half the sampling frequency: at it, sine and cosine are one column."""
 LATEST = 0.01
 """Longest delay that is looked for, as a share of the longest segment. Longer ones are much like slow lags."""
-BETWEEN = (-0.5, 0.0, 0.5)
-"""Rows besides the best delay of whole rows at which delays are tried, too."""
-FEWEST_SWINGS = 1
-"""Times that the temperature must turn by more than the width of a hysteresis: there and back."""
-ONE_WAY = 0.3
-"""Share of the temperature's range by which it never turns back where it runs one way only."""
 SHORTEST_STRETCH = 8
 """Rows of the shortest disturbance that is looked for, however it is tuned. With 5, three large readings of heavy tails
 (Student, three degrees) that follow on one another were taken for a disturbance in one of twelve records."""
@@ -123,8 +83,6 @@ a hundred is wrong by 25 standard deviations, too many to be taken for spikes, s
 sixteen records."""
 FEW = 0.03
 """Share of rows that may stand out so: more are no glitches but the noise itself, which then has few values."""
-ROBUST = 1.4826
-"""Standard deviation over the median distance from zero, of normal numbers."""
 OUTSTANDING = 3.0
 """Distance from the median of those around it, in robust standard deviations, beyond which a reading counts no more for
 a disturbance. Without a limit, two of four records with heavy tails (Student, three degrees of freedom) and one of four
@@ -132,8 +90,6 @@ with bursts were said to have short disturbances."""
 AROUND = 33
 """Rows of that median: the shortest disturbance must not move it. With 5, three to five large readings of heavy tails
 that follow on one another moved it, and were named in three of 240 records, with 33 in none."""
-ROUNDING = 1e-14
-"""Size of what the base leaves of the reading, over the usual reading, that is arithmetic: nothing is looked for."""
 
 # Likelihood
 
@@ -148,14 +104,9 @@ ALIVE = 1e-4
 """Length of a column outside the base, over its whole length, below which it is nothing new."""
 BATCH = 24
 """Explanations that are transformed at a time, so that their columns stay near the processor: twice as fast."""
-WIDE = 20
-"""Cross products of two groups of columns up to which one sum over all bands is faster than a matrix product in each:
-of start-up decays in 30 segments, 900, it takes ten times as long."""
 QUIET = 0.03
 """Wandering noise that a second start of the estimate has, over the first: a slow cause is invisible where the noise
 has taken it upon itself, so each explanation may also begin with hardly any."""
-TURNS = 3
-"""Times that coefficients and noise are estimated in turn."""
 
 INFLATION = 1.5
 """What the copies gain, over what noise that is as it seems would give them, up to which evidence counts in full:
@@ -187,8 +138,6 @@ MOMENTS = 3.68
 `thermocorr.judgement.report`."""
 TIE = 4.0
 """Difference of scores (log likelihood) below which two explanations cannot be distinguished: odds of 55 to 1."""
-LAG_POSSIBLE = 1.92
-"""A lag is possible where the log likelihood falls by no more: 95 % (chi-square, one degree of freedom)."""
 ALIKE = 0.5
 """Share of what a cause makes of the reading that a rival could make as well, above which the two are rivals.
 Explanations that are as good but say something else are further causes."""
@@ -205,17 +154,8 @@ ROUNDED_OFF = 1.5
 """What is left over the usual rounding error of the reading (its step over the root of 12), up to which it is that."""
 SEVERAL = 3
 """Steps at which they are one cause, several steps."""
-HARMONICS = 6
-"""Highest multiple of a wave's frequency that is part of it: those of a switch fall as one over the multiple."""
 
 # Tuning
 
 SHARES = (0.5, 0.25, 0.1, 0.03)
 """How far parameters are moved, coarse to fine, in a search around the best of each kind."""
-FINER = (0.01, 0.003)
-"""Final step sizes for an accepted cause: what inexact parameters leave would look like a further cause."""
-NO_MORE = 1e-3
-"""Gain of log likelihood up to which parameters stay where they are: rounding gains as much. A step may lie anywhere
-between two rows."""
-TUNED = 4
-"""Kinds whose parameters are tuned in each turn."""

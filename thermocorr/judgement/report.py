@@ -40,18 +40,13 @@ from .levels import (
     DRIFT_TO_STEP,
     FILTER_LENGTH,
     FILTER_WHITE,
-    GAUSSIAN,
-    HARMONICS,
     LEVEL,
-    LONGEST_MEAN,
     MOMENTS,
-    NINE_TENTHS,
     OF_THERMOMETER,
     PROVABLE,
     RANKED,
     SEVERAL,
     TAILS,
-    TO_A_DECADE,
 )
 from .scan import DATED, products_from
 from .score import Comparison, solved
@@ -143,7 +138,8 @@ def what_is_left(search: Search, residual: np.ndarray, copied: Sequence[str] = (
     wandering = float(np.sqrt(max(total - theta[0], 0.0))) * judged.unit
     floor = float(np.sqrt(innovation * counts)) * judged.unit
     times = pool.spacing * judged.bands.times
-    longest = float(np.bincount(judged.bands.segment).max()) / LONGEST_MEAN
+    # Structure below the noise of the longest mean, of which the record holds three, is no error that a user can see.
+    longest = float(np.bincount(judged.bands.segment).max()) / 3
     matters_from = _matters_from(theta, judged.bands.times, counts, longest)
     wanders = bool(judged.wanders and not (pool.rows.exact or search.rounded) and matters_from)
     memory = float(np.average(times, weights=theta[1:])) if wanders else 0.0
@@ -200,11 +196,11 @@ def _is_gaussian(judged: Comparison) -> bool:
     """
     left = judged.bands.back(judged.left(judged.base.theta)[:, None])[:, 0]
     moments = [float(stats.kurtosis(rows, fisher=False)) for rows in (left, np.diff(left))]
-    return all(GAUSSIAN[0] < moment < GAUSSIAN[1] for moment in moments)
+    return all(2.4 < moment < 4.5 for moment in moments)  # 3 for Gaussian noise, as a filter's is
 
 
 def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
-    """Power smoothed over `TO_A_DECADE` bands."""
+    """Power smoothed over eight bands to a factor of ten in frequency."""
     bands, theta = judged.bands, judged.base.theta
     kept = bands.middle > 0
     frequency = bands.middle[kept] / (2 * np.pi * pool.spacing)
@@ -217,7 +213,8 @@ def _spectrum(pool: Pool, judged: Comparison) -> pd.DataFrame:
             "white": judged.share * theta[0],
         }
     )[kept]
-    sums = rows.groupby(np.floor(TO_A_DECADE * np.log10(frequency / frequency.min())), sort=True).sum()
+    # Eight points to a factor of ten in frequency.
+    sums = rows.groupby(np.floor(8 * np.log10(frequency / frequency.min())), sort=True).sum()
     means = sums.drop(columns="rows").div(sums["rows"], axis=0).reset_index(drop=True)
     densities = means[["residual", "noise", "white"]] * (2 * pool.spacing)  # one-sided
     means[["residual", "noise", "white"]] = judged.unit * np.sqrt(densities)
@@ -245,7 +242,7 @@ def _tails(residual: np.ndarray) -> float:
     sizes = residual[np.isfinite(residual)]
     np.abs(sizes, out=sizes)
     whole = rms(sizes)
-    usual = float(np.quantile(sizes, 0.9, overwrite_input=True)) / NINE_TENTHS if len(sizes) else 0.0
+    usual = float(np.quantile(sizes, 0.9, overwrite_input=True)) / 1.645 if len(sizes) else 0.0
     return whole / usual if usual > 0 else 1.0
 
 
@@ -295,7 +292,8 @@ def _harmonic(slowest: FoundSuspect, wave: FoundSuspect, apart: float) -> int:
     """Multiple of a wave's frequency; 0 for none."""
     multiple = round(_period(slowest) / _period(wave))
     off = abs(1 / _period(wave) - multiple / _period(slowest))
-    return multiple if 1 < multiple <= HARMONICS and off < apart else 0
+    # Harmonics of a switch fall as one over the multiple: none is looked for above the sixth.
+    return multiple if 1 < multiple <= 6 and off < apart else 0
 
 
 def _period(wave: FoundSuspect) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from ..equations.noise import Bands, fitted_parts, whittle
-from .levels import ALIVE, BATCH, QUIET, ROUNDED, STRUCTURE, TURNS, VISIBLE, WIDE
+from .levels import ALIVE, BATCH, QUIET, ROUNDED, STRUCTURE, VISIBLE
 
 
 def orthonormal(columns: np.ndarray, tolerance: float = ROUNDED) -> np.ndarray:
@@ -311,7 +311,7 @@ class Comparison:
 
     def _crossed(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """`_products`, quicker for few columns."""
-        if one.shape[1] * other.shape[1] > WIDE:
+        if one.shape[1] * other.shape[1] > 20:  # one sum over all bands is faster than a matrix product in each
             return self._products(one, other)
         each = other.T[:, None] * one.T
         return np.asarray(np.add.reduceat(each, self.bands.starts, axis=2).transpose(2, 1, 0))
@@ -339,7 +339,7 @@ class Comparison:
         """Fit of the base alone."""
         parts = self.bands.parts.shape[1]
         starts = [np.full(parts, 1 / parts), np.concatenate(([1.0], np.full(parts - 1, QUIET))), *more]
-        return max(self._fits([None] * len(starts), starts, TURNS + 1), key=lambda fit: fit.level)
+        return max(self._fits([None] * len(starts), starts, 4), key=lambda fit: fit.level)
 
     def _white(self) -> float:
         """Log likelihood of the base under white noise."""
@@ -354,7 +354,7 @@ class Comparison:
         quiet = np.maximum(QUIET * self.base.theta, 1e-3 * QUIET * self.base.theta[0])
         quiet[0] = self.base.theta[0]
         tried = [i for i in which for _ in (0, 1)]
-        fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], TURNS)
+        fits = self._fits(tried, [start for _ in which for start in (self.base.theta, quiet)], 3)
         return [max(pair, key=lambda fit: fit.level) for pair in zip(fits[::2], fits[1::2], strict=True)]
 
     def gained_given(self, i: int, which: Sequence[int]) -> np.ndarray:

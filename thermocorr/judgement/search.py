@@ -32,20 +32,16 @@ from .levels import (
     ALIKE,
     DIFFERENT,
     FINE,
-    FINER,
     FRUITLESS,
     HELPFUL,
     INFLATION,
-    LAG_POSSIBLE,
     LEVEL,
     LOOKS,
     NEARLY,
-    NO_MORE,
     ROUNDED_OFF,
     SHARES,
     SPEAKS,
     TIE,
-    TUNED,
 )
 from .scan import DATED, Shifts, dated, delays, filtered, is_shown, tries, waves
 from .score import Comparison, Fit
@@ -321,7 +317,8 @@ class Search:
         """The best few kinds with tuned parameters."""
         able = [t for t in found if t.score > 0 and not t.explanation.in_model]
         able.sort(key=lambda t: -t.score)
-        kinds = list(dict.fromkeys(t.key for t in able))[:TUNED]
+        # The parameters of the best four kinds are tuned in each turn.
+        kinds = list(dict.fromkeys(t.key for t in able))[:4]
         laws = {t.explanation.law: t for t in reversed(able) if t.key in kinds}
         bare = judged.copy()
         near = [retuned(self.pool, bare, t.explanation, SHARES) for t in laws.values()]
@@ -433,7 +430,8 @@ class Search:
                 continue
             rest = self.judged.dropped(self.judged.adopted.index(number))
             self.family.judged = rest
-            there = retuned(self.pool, rest.copy(), self.pool.with_columns([term])[0], (*SHARES, *FINER))
+            # The last steps are fine: what inexact parameters leave would look like a further cause.
+            there = retuned(self.pool, rest.copy(), self.pool.with_columns([term])[0], (*SHARES, 0.01, 0.003))
             if there is None:
                 continue
             new = self.family.add([there])[0]
@@ -513,7 +511,8 @@ class Search:
             for i, each in enumerate(self.family.tried[: len(gains)])
             if each.key == late and rest.width(i) and len(tau := _lags(each.effect)) == 1
         }
-        possible = [tau for tau, gain in taus.items() if gain > gains[me.number] - LAG_POSSIBLE]
+        # 1.92: half of 3.84, the 95 % point of chi-square with one degree of freedom.
+        possible = [tau for tau, gain in taus.items() if gain > gains[me.number] - 1.92]
         return float(min((tau for tau in taus if tau > max(possible, default=0.0)), default=0.0))
 
     def coarse(self, tried: Tried) -> np.ndarray:
@@ -542,6 +541,7 @@ def retuned(pool: Pool, rest: Comparison, explanation: Explanation, shares: Sequ
     rest.add([each.columns for each in pool.with_columns([explanation])])
     theta = rest.refit([0])[0].theta
     most, best = rest.screen(theta)[0], explanation
+    rounding = 1e-3  # gains as small come from rounding: a step may lie anywhere between two rows
     for share in shares:
         near = pool.of(best.effect.nearby(pool.record, share))
         near = [each for each in near if is_shown(pool, each.effect)]
@@ -550,7 +550,7 @@ def retuned(pool: Pool, rest: Comparison, explanation: Explanation, shares: Sequ
         rest.explanations = []
         rest.add([each.columns for each in near])
         gains = rest.screen(theta)
-        if gains.max() > most + NO_MORE:
-            first = int(np.argmax(gains > gains.max() - NO_MORE))
+        if gains.max() > most + rounding:
+            first = int(np.argmax(gains > gains.max() - rounding))
             most, best = gains[first], near[first]
     return None if best is explanation else best

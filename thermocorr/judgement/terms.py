@@ -39,23 +39,7 @@ from ..model.runs import is_level
 from ..model.thermometers import resolution_of, thermometer_errors
 from ..records import Block, Record, RecordError
 from .data import ThermalBase
-from .levels import (
-    BATCH,
-    BEYOND,
-    FAR,
-    FEW,
-    FEWEST,
-    FINE,
-    GROUPS,
-    HELD,
-    MOST_EMPTY,
-    ONE_WAY,
-    ROBUST,
-    ROUNDING,
-    SHORTEST_START,
-    START_HELD,
-    STARTS,
-)
+from .levels import BATCH, BEYOND, FAR, FEW, FEWEST, FINE, SHORTEST_START, START_HELD, STARTS
 from .score import Comparison, orthonormal, visible
 
 
@@ -74,7 +58,9 @@ class Starts:
             for rows in parts
         ]
         self.first, self.lengths = edges[:-1], np.diff(edges)
-        groups, most = min(len(held), GROUPS), max((Q.shape[1] for Q in held), default=0)
+        # Every sixteenth segment is in one group: what its directions share with those of a segment so far away is next
+        # to nothing.
+        groups, most = min(len(held), 16), max((Q.shape[1] for Q in held), default=0)
         self.spread = np.zeros((len(segment), groups * most))
         """All directions once more, those of segments far from one another in common columns, shape (n, k)."""
         for i, (rows, Q) in enumerate(zip(parts, held, strict=True)):
@@ -91,7 +77,8 @@ class Starts:
         if self.basis is not None:
             before = np.add.reduceat(columns**2, self.first, axis=0)
             columns -= self.basis @ (self.basis.T @ columns)
-            left = np.add.reduceat(columns**2, self.first, axis=0) > HELD**2 * before
+            # Less than 1e-9 of a column in a segment is rounding error.
+            left = np.add.reduceat(columns**2, self.first, axis=0) > 1e-9**2 * before
             if not left.all():
                 columns *= np.repeat(left, self.lengths, axis=0)
         return columns
@@ -107,7 +94,8 @@ class JudgedRows:
 
     def __init__(self, data: Averages, decays: Sequence[np.ndarray], base: Sequence[np.ndarray], span: np.ndarray):
         self.data = data
-        rounding = ROUNDING * float(np.median(np.abs(data.reading)))
+        # What the base leaves of the reading is arithmetic below this: nothing is looked for.
+        rounding = 1e-14 * float(np.median(np.abs(data.reading)))
         self.spikes = spikes(data.reading, rounding)
         """Rows that are no readings, shape (n,), booleans."""
         self.left_out = self.spikes
@@ -168,7 +156,8 @@ def _outstanding(left: np.ndarray) -> np.ndarray:
     None where many rows are: a quantised noise has few values.
     """
     apart = np.abs(left - pd.Series(left).rolling(5, center=True, min_periods=1).median().to_numpy())
-    far: np.ndarray = apart > FAR * ROBUST * float(np.median(apart))
+    deviation = 1.4826 * float(np.median(apart))  # of normal numbers
+    far: np.ndarray = apart > FAR * deviation
     return far if far.mean() <= FEW else np.zeros(len(far), bool)
 
 
@@ -426,7 +415,8 @@ class Pool:
     @cached_property
     def runs_one_way(self) -> bool:
         """True if the temperature moves one way."""
-        return self.swings(ONE_WAY * float(np.ptp(self.temperature))) == 0
+        # A temperature that never turns back by three tenths of its range runs one way only.
+        return self.swings(0.3 * float(np.ptp(self.temperature))) == 0
 
     @cached_property
     def spacing(self) -> float:
@@ -442,7 +432,8 @@ class Pool:
     def place(self) -> np.ndarray:
         """Place of each averaged row, in whole steps."""
         place = np.rint((self.data.seconds - self.data.seconds.min()) / self.spacing).astype(int)
-        return place if place.max() < MOST_EMPTY * len(place) else np.arange(len(place))
+        # Where pauses of months make eight steps of time for each averaged row, a search for waves counts rows instead.
+        return place if place.max() < 8 * len(place) else np.arange(len(place))
 
     @cached_property
     def own(self) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..model.regressor import DynamicBiasRegressor, largest_lag
 from ..records import Record
 from ..records.units import difference_unit
 from .data import record_of, residuals_of, suspect_record
-from .levels import PLACES, PLACES_BEYOND, STATES
+from .levels import PLACES, PLACES_BEYOND
 
 ALLAN_COLUMNS = ["averaging_time", "deviation", "low", "high", "white", "excess"]
 COLUMNS = ["aspect", "column", "time_constant", "low", "high", "unit", "n", "rms", "share", "lift"]
@@ -164,7 +164,8 @@ def _states(record: Record, column: Any) -> np.ndarray | None:
     )
     values = np.concatenate([np.asarray(end, float) for end in ends])
     found = np.unique(values[np.isfinite(values)])
-    return found if 2 <= len(found) <= STATES else None
+    # Up to four values of a column, a switch or a mode, are conditions of their own.
+    return found if 2 <= len(found) <= 4 else None
 
 
 def _figures(

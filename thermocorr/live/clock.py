@@ -20,7 +20,6 @@ _NS = 1_000_000_000
 _EPOCH, _EPOCH_UTC = datetime(1970, 1, 1), datetime(1970, 1, 1, tzinfo=UTC)
 _ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 """The usual form, which `pandas.Timestamp` reads as `pandas.to_datetime(..., format="ISO8601")` does, but faster."""
-_MICROSECOND = timedelta(microseconds=1)
 
 
 class Clock:
@@ -99,7 +98,9 @@ class Clock:
         if kind is pd.Timestamp and (time.tzinfo is not None) == zoned:
             return self._nanoseconds(time, time)
         if kind is datetime and (time.tzinfo is not None) == zoned:
-            return self._within_range((time - (_EPOCH_UTC if zoned else _EPOCH)) // _MICROSECOND * 1000, time)
+            return self._within_range(
+                (time - (_EPOCH_UTC if zoned else _EPOCH)) // timedelta(microseconds=1) * 1000, time
+            )
         date = self._parsed(time, wanted)
         if (date.tzinfo is not None) != zoned:
             raise self._refuse(time, wanted)

@@ -258,8 +258,6 @@ def _stretches(edges: np.ndarray, ranges: Ranges) -> list[int]:
 
 
 Set = tuple[int, ...]
-KEPT = 200
-"""Sets of each size whose errors are kept from an exhaustive search."""
 NEGLIGIBLE = 5e-4
 """A time constant that lowers the loss by less than this share is not worth having."""
 
@@ -333,7 +331,7 @@ class CrossValidation:
         for size in range(1, min(max_count, len(members)) + 1):
             sets = members[np.array(list(combinations(range(len(members)), size)))]
             losses = np.sqrt(set_errors(self.prepared(alpha), self.groups[sets].reshape(len(sets), -1)))
-            order = np.argsort(losses.mean(axis=1), kind="stable")[:KEPT]
+            order = np.argsort(losses.mean(axis=1), kind="stable")[:200]  # of each size
             self.losses.update(((alpha, tuple(sets[i].tolist())), losses[i]) for i in order)
             path.append(tuple(sets[order[0]].tolist()))
         return path

@@ -49,8 +49,6 @@ BLOCKS = tuple(
 FORECASTS = {f"from {10 * s // 8} %": (range(s), range(s, min(round(s / 0.7), PIECES))) for s in (32, 40, 48, 56)}
 """Longer forecasts: from a share of the rows, as far ahead as the last 30 % of them lie behind the first 70 %."""
 LONGEST = "from 70 %"
-LEAST_BEHIND = 4
-"""Pieces between the date of an effect and a forecast that knows of it."""
 
 
 def later_pieces(moment: float | None) -> list[tuple[range, range]]:
@@ -213,7 +211,7 @@ class OutOfSample:
 
     def forecast_errors(self, moment: float | None = None) -> dict[str, float]:
         """Mean square error of each of `FORECASTS`, or NaN."""
-        begins = LEAST_BEHIND + (moment or 0.0) * PIECES
+        begins = 4 + (moment or 0.0) * PIECES  # a forecast that knows of the moment begins four pieces behind it
         return {
             name: float(self._errors([pieces])[0, 0] + self.unseen) if len(pieces[0]) >= begins else np.nan
             for name, pieces in FORECASTS.items()

@@ -339,11 +339,6 @@ def _width(low: float, high: float) -> float:
     return max(high - low, resolved(low, high))
 
 
-_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-"""A date as the end of a stretch is its whole day, as in slices of pandas."""
-_DAY = 86400.0
-
-
 def learned_readings(X: Any, y: Any, layout: Layout, mask: Any, weight: Any) -> Any:
     """The readings to learn from, NaN where masked, and weights.
 
@@ -416,8 +411,9 @@ def _rows(X: Any, layout: Layout, mask: Any, n: int) -> np.ndarray:
         start, end = (since_start(moment, record, "mask", "fit") for moment in stretch)
         if not start <= end:
             raise RecordError(f"The mask has a stretch that ends before it starts: {stretch!r}.")
-        whole_day = isinstance(stretch[1], str) and _DATE.fullmatch(stretch[1].strip())
-        inside = (seconds >= start) & (seconds < end + _DAY if whole_day else seconds <= end)
+        # a date alone is a whole day, as in slices of pandas
+        whole_day = isinstance(stretch[1], str) and re.fullmatch(r"\d{4}-\d{2}-\d{2}", stretch[1].strip())
+        inside = (seconds >= start) & (seconds < end + 86_400.0 if whole_day else seconds <= end)
         if not inside.any():
             warn(f"The mask has a stretch in which there are no rows: {stretch!r}.")
         found |= inside

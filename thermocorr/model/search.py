@@ -395,8 +395,6 @@ def final_alpha(factored: Factored, reference: GridRidge) -> float:
 UNDETERMINED = 10.0
 """Upper over lower end of an interval, above which the record does not determine the time constant."""
 CONFIDENCE_95 = 1.96
-OPPOSED = 0.1
-"""Share of two coefficients that is left in their sum, below which they cancel."""
 
 
 def spectrum_table(factored: Factored, reference: GridRidge) -> pd.DataFrame:
@@ -480,7 +478,7 @@ def unresolved(
                 f"+-{error:.3g} only, more than both together. What both say together is known, the two coefficients "
                 "are not: leave one out, or record faster temperature changes."
             )
-        elif abs(mu[j] + mu[j + 1]) < OPPOSED * both:
+        elif abs(mu[j] + mu[j + 1]) < 0.1 * both:  # they cancel
             said.append(
                 f"{pair} work against each other: their coefficients, {mu[j]:.4g} and {mu[j + 1]:.4g}, nearly cancel. "
                 "What both say together is known, but these are no bodies of the device: leave one out."
@@ -490,7 +488,6 @@ def unresolved(
 
 DIFFERENCE = 1e-4
 """Step in ln tau of the numerical sensitivity."""
-MAX_PASSES = 8
 CONVERGED = 1e-3
 """A step in ln tau below which nothing is moved any more."""
 LONGEST_STEP = 0.5
@@ -595,7 +592,7 @@ def _own_columns(columns: LagColumns) -> list[int]:
 
 def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
     """Move the time constants to the least residual."""
-    for _ in range(MAX_PASSES):
+    for _ in range(8):
         there = None
         # Dampings of a step, relative to the sensitivities; the next is tried where one makes the fit worse
         for damping in (0.003, 0.03, 0.3):

@@ -31,11 +31,8 @@ CEILINGS = (1 / 3, 1.0)
 PENALTIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """Ridge penalties per row on sd(T) mu, for a grid of `GRID_STEP` in ln(time constant)."""
 GRID_STEP = 0.33
-LEARNED_SHARES = tuple(cut / N_BLOCKS for cut in range(8, 17))
-"""Shares of the record after which a forecast starts."""
 TOLERANCE = 0.003
 """Misfit of the chosen set to the reference, as a share of the reference's residual variance."""
-MAX_EXCHANGES = 8
 LARGEST_ALPHA = 1e-4
 """Largest ridge penalty per row of the final fit; a record that forecasts better with less keeps its own."""
 MIN_ROWS = 120
@@ -164,7 +161,7 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> n
     n_blocks = len(blocks)
     errors = []
     learned, done = TriangularFactor(blocks[0].r.shape[1]), 0
-    for cut in sorted({max(1, round(share * n_blocks)) for share in LEARNED_SHARES}):
+    for cut in sorted({max(1, round(cut / N_BLOCKS * n_blocks)) for cut in range(8, 17)}):
         learned.merge(*blocks[done:cut])
         done = cut
         # Length of a forecast over that of its past: learn on 70 %, use on 30 %
@@ -238,7 +235,7 @@ def grown(chosen: tuple[int, ...], candidates: Sequence[int], best: Best, slack:
     `best` takes sets and returns the one with the least error, and that error.
     """
     chosen, error = best({tuple(sorted((*chosen, new))) for new in candidates if new not in chosen})
-    for _ in range(MAX_EXCHANGES):
+    for _ in range(8):
         swapped = {
             tuple(sorted({*chosen} - {old} | {new})) for old in chosen for new in candidates if new not in chosen
         }

@@ -330,10 +330,6 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
     )
 
 
-KELVIN = {"degF": 1.8}
-"""Degrees of a thermometer's unit in a kelvin, where that is not 1."""
-
-
 def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
     """Variance of the bias by the thermometer's offset and rest.
 
@@ -347,7 +343,7 @@ def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndar
     low, high = model.reading_.temperature_range
     # Temperature by which the bias is differentiated, as a share of the fitted range: far above rounding
     h = 1e-4 * (high - low)
-    kelvin = KELVIN.get(difference_unit(model.reading_.temperature_unit), 1.0)
+    kelvin = 1.8 if difference_unit(model.reading_.temperature_unit) == "degF" else 1.0
     slope = kelvin * _moved(model, record, np.full(n, h), since_learning=True) / h
     fixed = (slope * sensor.offset) ** 2
     if sensor.own_noise:

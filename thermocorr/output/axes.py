@@ -21,8 +21,6 @@ FINE_TIMES = (
 )  # fmt: skip
 
 
-SMALLEST = 2.9
-"""Height of a figure with legends [inch]."""
 DRAWING = RLock()
 """The style of matplotlib is one for all threads."""
 
@@ -176,7 +174,7 @@ def _decade(value: float) -> str:
 
 def legend_above(ax: Any, **options: Any) -> None:
     """A legend above the axes, where there is room."""
-    if ax.figure.get_figheight() < SMALLEST:
+    if ax.figure.get_figheight() < 2.9:  # inches: too small for a legend inside
         return
     handles, labels = ax.get_legend_handles_labels()
     if labels:

@@ -22,8 +22,6 @@ from .timeline import TimeLine, zone_of
 
 N_CELLS = 1000
 """Cells over the whole axis: about one for each pixel of a picture."""
-MEANS = 240
-"""Stretches that noise is averaged over."""
 
 
 class Part(NamedTuple):
@@ -231,7 +229,7 @@ def _cells(
 
 def means_of(cells: pd.DataFrame, name: str) -> pd.DataFrame:
     """A value averaged over `MEANS` stretches, to see through noise."""
-    each = max(-(-len(cells) // MEANS), -(-8 * len(cells) // max(int(cells["n"].sum()), 1)))
+    each = max(-(-len(cells) // 240), -(-8 * len(cells) // max(int(cells["n"].sum()), 1)))
     kept = cells[np.isfinite(cells[name])]
     if each < 2 or not len(kept):
         return cells

@@ -24,8 +24,6 @@ from .curves import N_CELLS, Curves, Part, cells_of, draw_band, draw_line, draw_
 from .style import BLUE, GREEN, ORANGE, PURPLE, SKY, SOFT, TEXT, VERMILION, YELLOW
 from .timeline import TimeLine, dress_time, name_runs, stretches
 
-COLOURS_BELOW = (PURPLE, GREEN, ORANGE, SKY)
-
 
 @dataclass(eq=False)
 class ResidualsDisplay(Display):
@@ -173,7 +171,7 @@ class ResidualsDisplay(Display):
             for sign in (-2, 2):
                 name = "twice the noise floor" if sign > 0 else None
                 bottom.axhline(sign * self.noise_floor, color=BLUE, lw=1.0, ls="--", zorder=4, label=name)
-        for ax, (name, unit), colour in zip(below, self.columns, COLOURS_BELOW * 9, strict=False):
+        for ax, (name, unit), colour in zip(below, self.columns, (PURPLE, GREEN, ORANGE, SKY) * 9, strict=False):
             draw_panel(ax, cells, line, f"column {name}", colour)
             label_values(ax.yaxis, printable(name), unit)
         for number, (low, high) in enumerate(self.failing):

@@ -21,8 +21,6 @@ from ..records.units import difference_unit
 
 MINUS = "\u2212"
 HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
-MANY_SPIKES = 10
-"""Spikes that are listed at most."""
 MANY_MOMENTS = 6
 """Moments of a cause that are listed at most."""
 
@@ -285,7 +283,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         )
     if left.spikes:
         said.append(
-            f"{'At least ' if len(left.spikes) == MANY_SPIKES else ''}"
+            f"{'At least ' if len(left.spikes) == 10 else ''}"
             f"{'one reading jumps' if len(left.spikes) == 1 else f'{len(left.spikes)} readings jump'} far out of the "
             f"noise, the farthest {span_text(left.spikes[0])} after the record began: the diagnosis leaves them out."
         )

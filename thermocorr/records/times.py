@@ -19,8 +19,6 @@ UNIX = (9.4e8, 2.6e9)
 """Unix times in seconds, 1999 to 2052."""
 EPOCHS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 """Unit of Unix times -> how many are a second."""
-LARGEST_SECONDS = 1e10
-"""Numbers from here on are no seconds of a log: 300 years."""
 
 
 def unix_unit(low: float, high: float) -> str | None:
@@ -52,7 +50,7 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
         raise RecordError(
             f"{begins} these are Unix times in {unit}, and numbers are taken as seconds. {way(said, dates)}."
         )
-    if np.median(numbers) >= LARGEST_SECONDS:  # one damaged time is none of these
+    if np.median(numbers) >= 1e10:  # 300 years are no seconds of a log; one damaged time is none of these
         raise RecordError(
             f"{begins} no seconds, and no Unix times of this century. "
             f"{way('Say what they are with --time-format', 'Make dates, spans or seconds of them')}."

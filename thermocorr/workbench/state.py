@@ -34,7 +34,6 @@ from ..records.units import unit_of
 from .files import KINDS
 from .story import Step, Story
 
-NOTED = 12
 DRAWN, COLUMNS = 600, 12
 """Rows and columns of a log that are drawn before there is a model."""
 
@@ -211,7 +210,7 @@ def _fitted(story: Story, found: Step) -> dict[str, Any]:
         "time_constants": ", ".join(map(span_text, model.time_constants_)),
         "without_times": curves.timeline.samples,
         "equation": printable(model.equation(), "\n"),
-        "notes": [printable(note) for note in found.notes[:NOTED]],
+        "notes": [printable(note) for note in found.notes[:12]],
         "where": _where(found),
     }
 

@@ -26,7 +26,6 @@ LOOKS = ("picture",)
 WORDS = {"open": "reading the log", "do": "fitting the model", "take": "writing"}
 NARROW, SMALL = 560, 270
 """Pixels of a telephone's width, and height of a picture over time on it."""
-REMEDY = "Leave bad rows out, keep the first of doubled ones, sort by time"
 DOES = ("assign", "shape", "add", "leave_out", "drop", "undo", "redo", "judge", "preview")
 """What a screen may ask a story to do."""
 
@@ -73,7 +72,11 @@ class Opening:
         except (RecordError, OSError):
             return ""
         story.start()
-        return "" if story.problem and story.roles is not None else REMEDY
+        return (
+            ""
+            if story.problem and story.roles is not None
+            else "Leave bad rows out, keep the first of doubled ones, sort by time"
+        )
 
 
 class Desk:

@@ -19,7 +19,6 @@ from typing import Any
 from .desk import Opening
 from .worker import serve
 
-CHANGED = "Another window has changed this meanwhile. Look, and try again."
 DIED = "The computation ended, perhaps for lack of memory. It begins again from the steps that stand."
 GIVEN_UP = "The computation ends again and again, perhaps for lack of memory. Open a shorter log."
 QUICK_DEATHS = 3
@@ -171,7 +170,7 @@ class Hub:
         """Do something to the state of a revision; raises Changed where it is another one by now."""
         async with self._turn:
             if revision is not None and revision != self.revision:
-                raise Changed(CHANGED)
+                raise Changed("Another window has changed this meanwhile. Look, and try again.")
             return await self.ask("do", asked)
 
     async def open(self, opening: Opening) -> None:

@@ -14,8 +14,6 @@ from ...output.style import css
 SCREEN = ("pictures.js", "panels.js", "workbench.js")
 PAGE = ("elements.js", "desk.js", "wire.js", *SCREEN, "start.js", "workbench.css")
 """What the page of the program has, in the order in which it is loaded."""
-WIDGET = ("elements.js", "desk.js", *SCREEN, "notebook.js")
-"""What a notebook has instead: messages of the kernel, and no page of its own."""
 STATIC = ("elements.js", "desk.js", *SCREEN, "try.js", "workbench.css")
 """What a page without a server has."""
 TYPES = {"js": "text/javascript", "css": "text/css"}
@@ -46,7 +44,7 @@ def body() -> str:
 @cache
 def module() -> str:
     """All scripts as one module that a notebook's widget renders with."""
-    scripts = [asset_text(name) for name in WIDGET]
+    scripts = [asset_text(name) for name in ("elements.js", "desk.js", *SCREEN, "notebook.js")]
     return "\n".join([*scripts, "export default { render: globalThis.thermocorr.render };\n"])
 
 
