@@ -313,7 +313,7 @@ def jobs(part: str, options: argparse.Namespace) -> Iterator[Job]:
 
 def change(level: str) -> None:
     """Give a threshold of the judgement another value, such as LEVEL=0.02, wherever it is used."""
-    name, _, value = level.partition("=")
+    name, value = level.split("=")
     kind = type(vars(levels)[name])
     for module in [module for key, module in sys.modules.items() if key.startswith("thermocorr.judgement")]:
         if name in vars(module):
@@ -391,10 +391,17 @@ def main() -> int:
     )  # fmt: skip
     warnings.simplefilter("ignore")
     chosen = list(options.parts)
+    if options.level:
+        name, _, value = options.level.partition("=")
+        if not value or not isinstance(vars(levels).get(name), (int, float)):
+            names = [name for name, value in vars(levels).items() if isinstance(value, (int, float))]
+            sys.exit(f"--level takes NAME=VALUE, got {options.level!r}. The names are {', '.join(names)}.")
+        print(f"With {name} = {value} in place of {vars(levels)[name]}")
     if not Path(options.records).is_dir():
         absent = [part for part in chosen if part.startswith(("planted", "measured"))]
         chosen = [part for part in chosen if part not in absent]
-        print(f"No folder {options.records!r}: {', '.join(absent)} left out. Name it with --records.")
+        if absent:
+            print(f"No folder {options.records!r}: {', '.join(absent)} left out. Name it with --records.")
     if "C" in chosen and not tool("gcc"):
         chosen.remove("C")
         print("No gcc: part C left out.")

@@ -126,7 +126,7 @@ def test_the_command_writes_what_is_advised(tmp_path, capsys):
     assert len(load_model(tmp_path / "static" / "model.json").time_constants_) == 0
     assert main([*command, str(tmp_path / "none.csv"), "--out", str(tmp_path / "none")]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("Use no correction by temperature") and "No correction is written" in said
+    assert said.startswith("Use no temperature correction") and "No correction is written" in said
     assert not (tmp_path / "none" / "model.json").exists()
     more = ["--variant", "dynamic-linear", "--out", str(tmp_path / "none")]
     assert main([*command, str(tmp_path / "none.csv"), *more]) == 0

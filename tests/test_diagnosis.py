@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sklearn.preprocessing import SplineTransformer
 
-from thermocorr import DynamicBiasRegressor, RecordError, diagnose, refine
+from thermocorr import DynamicBiasRegressor, RecordError, compare_variants, diagnose, refine
 from thermocorr.datasets import load_voltage_reference, make_record
 from thermocorr.displays import WhereDisplay
 from thermocorr.effects import Covariate, Effect, Hysteresis
@@ -37,6 +37,15 @@ def test_refinement_removes_the_built_in_moisture():
     assert result.model_.residual_std_ < 1.03 * record.attrs.get("noise", 5.85e-5)
     assert "lagged covariate: humidity" in str(result)
     assert "later [dB]" in str(result).splitlines()[0] and " db " not in str(result)
+
+
+def test_no_cause_is_its_own_rival():
+    """The spectrum of lags, in which a column helps later data most, is a form of what was found, no rival of it."""
+    record = make_record(3000, effects={"lagged_covariate": 3.0}, seed=4)
+    X, y = record[["temperature", "humidity"]], record["reading"]
+    found = diagnose(compare_variants(X, y, temperature="temperature").models["dynamic linear"], X, y)
+    assert found.best.kind == "lagged_covariate" and len(found.best.time_constants) > 1
+    assert found.verdict == "missing"
 
 
 def test_an_excluded_kind_or_column_is_not_named():

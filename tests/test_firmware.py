@@ -339,7 +339,7 @@ def test_numbers_keep_all_their_digits():
 def test_the_self_test_passes_and_can_fail(tmp_path, with_columns):
     export = export_c(with_columns[0], tmp_path / "bias")
     done = selftest(export)
-    assert done.returncode == 0 and "passed, 0 of 200" in done.stdout
+    assert done.returncode == 0 and "passed: 200 of 200" in done.stdout
     code = export.paths[1].read_text()
     weight = repr(float(with_columns[0].coef_[1]))
     assert weight in code

@@ -106,7 +106,7 @@ def test_what_later_data_cannot_show_is_proven_and_not_confirmed(kind, confirmed
     assert [one.effect.kind for one in found.causes] == [kind] * confirmed
     assert found.verdict == ("missing" if confirmed else "unexplained")
     said = " ".join(str(found).split())
-    assert ("Proven, not confirmed on data not learned from: disturbance (" in said) is not confirmed
+    assert ("Proven, but not confirmed on unseen data: disturbance (" in said) is not confirmed
     (named,) = (*found.causes, *found.small)
     assert named.size == pytest.approx(0.04, rel=0.2) and named.standing == ("confirmed" if confirmed else "proven")
     assert named.matters_from == int(np.ceil((found.noise_floor / named.size) ** 2))

@@ -10,6 +10,7 @@ from firmware_runs import BOUND, PERIOD, ROWS, ambient, errors, fitted, needs_gc
 from thermocorr import DynamicBiasRegressor, ModelFileError, OnlineCorrector, diagnose, load_model, save_model
 from thermocorr.datasets import make_record
 from thermocorr.effects import CATALOGUE, Effect
+from thermocorr.effects.expressions import TraceError, traced
 from thermocorr.effects.protocol import EffectInfo
 from thermocorr.effects.stream import own_starts, stepper_of, walk
 from thermocorr.records import Layout, read_record
@@ -27,6 +28,32 @@ class Damp(Effect):
     def signals(self, x):
         wet = x.maximum(x["humidity"] - 42.0, 0.0) ** 2 / 10
         return [wet, x.lag(wet, [1800.0])[0]]
+
+
+class Draught(Effect):
+    """Elementary functions of a column."""
+
+    kind = "draught"
+
+    def inputs(self):
+        return ["humidity"]
+
+    def names(self):
+        return ["root", "log", "saturation"]
+
+    def signals(self, x):
+        wet = x.maximum(x["humidity"], 1.0)
+        return [x.sqrt(wet), x.log(wet), x.exp(-wet / 50) + x.log1p(wet) + x.sin(wet / 9) * x.cos(wet / 7)]
+
+
+class Unsaid(Effect):
+    kind = "unsaid"
+
+    def names(self):
+        return ["wet"]
+
+    def signals(self, x):
+        return [x["humidity"] ** 0.5]
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +96,24 @@ def test_it_lives_by_code_of_its_own(model, tmp_path):
 def test_it_becomes_c(irregular, model, tmp_path):
     error, *_ = errors(*model, tmp_path, ROWS, irregular)
     assert error < BOUND
+
+
+@needs_gcc
+def test_every_function_of_a_formula_becomes_c(tmp_path):
+    error, *_ = errors(*fitted([Draught()]), tmp_path, ROWS, False)
+    assert error < BOUND
+
+
+def test_a_formula_that_cannot_be_used_says_why():
+    record = make_record(600, seed=2)
+    X, y = record[["temperature", "humidity"]], record["reading"]
+    model = DynamicBiasRegressor("temperature", ["5 min"])
+    with pytest.raises(ValueError, match="uses the column 'humidity', which its effect's `inputs` do not name"):
+        model.with_effect(Unsaid()).fit(X, y)
+    with pytest.raises(ValueError, match=r"Damp has no `candidates`: pass Damp\(...\), or write them"):
+        diagnose(model.fit(X, y), X, y, suspects=[Damp])
+    with pytest.raises(TraceError, match=r"whole numbers from 0 to 99, got 0.5: use x.sqrt"):
+        traced(Unsaid())
 
 
 def test_it_has_a_model_file_that_refuses_a_damaged_state(model, tmp_path):

@@ -36,4 +36,4 @@ def test_readings_are_not_signed_where_a_start_may_go_on():
     found = diagnose(model, X, y)
     assert not model.uncertainty(X[-100:], y[-100:], diagnosis=found).why_provisional
     doubtful = replace(found, left=replace(found.left, start_or=("log ageing",)))
-    assert "goes on" in model.uncertainty(X[-100:], y[-100:], diagnosis=doubtful).why_provisional
+    assert "continues" in model.uncertainty(X[-100:], y[-100:], diagnosis=doubtful).why_provisional

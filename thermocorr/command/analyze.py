@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--variant",
         choices=VARIANTS,
         metavar="NAME",
-        help=f"use this correction, and not the one that is advised: {', '.join(VARIANTS)}",
+        help=f"use this correction instead of the advised one: {', '.join(VARIANTS)}",
     )
     parser.add_argument("--refine", action="store_true", help="add missing effects, one by one, while the error falls")
     parser.add_argument(

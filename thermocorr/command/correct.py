@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--temperature",
         metavar="COLUMN",
         action="append",
-        help="ambient temperature; for a model of several thermometers once more for each, in its order",
+        help="ambient temperature; repeat for each thermometer of the model, in its order",
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
     columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates or seconds")
@@ -167,7 +167,7 @@ class Columns:
             column = self.called.get(name, name)
             if column not in log.columns:
                 role = "temperature" if name in thermometers else "reading" if name == self.reading else ""
-                hint = f" Name it with --{role}." if role else ""
+                hint = f" Name it with --{role}." if role else " Was it renamed? --names calls all columns anew."
                 raise RecordError(f"The log has no column {quoted(column)}; it has {listing(log.columns)}.{hint}")
             refuse_words(log, column)
         guard = UnitGuard.of(model)
@@ -232,14 +232,14 @@ def _say_flags(model: DynamicBiasRegressor, flags: pd.Series[Any], corrected: pd
 def _advice(model: DynamicBiasRegressor, flag: str) -> str:
     if flag == "washout":
         return (
-            ". washout: the log lacks the time before them, which the model remembers for about "
+            ". washout: the log lacks the time before them; the model remembers about "
             f"{span_text(model.washout_)}. Begin the log earlier"
         )
     if flag == "outside fitted range":
         low, high = model.reading_.temperature_range
         return (
             f". outside fitted range: the model was fitted to temperatures of {low:.4g} to {high:.4g} "
-            f"{model.reading_.temperature_unit}. Fit it to a record that reaches further"
+            f"{model.reading_.temperature_unit}. Fit it to a wider temperature range"
         )
     return ""
 
@@ -251,8 +251,8 @@ def _followed(live: OnlineCorrector, options: argparse.Namespace) -> int:
     columns, model = Columns.of(live.model, options), live.model
     if columns.how.given().keys() - {"reading", "run", "time"}:
         raise RecordError(
-            "Lines are read as the model's log was written. Give a whole file, without --follow, to read it in another "
-            "way."
+            "Lines are read as the model's log was written. To read another format, give a whole file, without "
+            "--follow."
         )
     kind = model.features_.history_.kind
     form = {"datetime": "iso", "datetime with time zone": "iso utc"}.get(kind, "seconds")

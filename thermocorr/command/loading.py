@@ -39,7 +39,7 @@ class OneColumn(argparse.Action):
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a log's file is written."""
-    group = parser.add_argument_group("the log's file (understood from its content where nothing is said)")
+    group = parser.add_argument_group("the log's file (recognised from its content unless set)")
     group.add_argument("--sep", metavar="CHAR", help="between columns: , ; tab | blanks")
     group.add_argument("--decimal", metavar="CHAR", help="decimal sign: . or ,")
     group.add_argument(
@@ -53,32 +53,30 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--timezone", metavar="ZONE", help="of local times, such as Europe/Berlin; they become UTC")
     group.add_argument(
-        "--na", metavar="WORD", action="append", help="a word or number for no value; once more for each further one"
+        "--na", metavar="WORD", action="append", help="a word or number that means no value; may be repeated"
     )
     group.add_argument(
         "--skip-bad-rows",
         action="store_true",
-        help="pass over damaged lines, keep the first of rows with one time, sort by time; all is said",
+        help="skip damaged lines, keep the first row of each time, sort by time; all is reported",
     )
 
 
 def add_column_options(parser: argparse.ArgumentParser) -> None:
     """Add what the columns of a whole log are."""
-    columns = parser.add_argument_group(
-        "columns of the log (found by their names, units and values where nothing is said)"
-    )
+    columns = parser.add_argument_group("columns of the log (found by their names, units and values unless set)")
     columns.add_argument(
         "--temperature",
         metavar="COLUMN",
         action="append",
-        help="ambient temperature; once more for each further thermometer, such as a case's",
+        help="ambient temperature; repeat for each further thermometer, such as a case's",
     )
     columns.add_argument("--reading", metavar="COLUMN", action=OneColumn, help="what the instrument shows")
     columns.add_argument(
         "--reference",
         metavar="COLUMN",
         action=OneColumn,
-        help="a better instrument of the same quantity: how much the reading differs from it is learned, U0 included",
+        help="a better instrument of the same quantity: the model learns the difference from it, U0 included",
     )
     columns.add_argument("--time", metavar="COLUMN", action=OneColumn, help="dates or seconds")
     columns.add_argument("--run", metavar="COLUMN", action=OneColumn, help="labels of runs; each starts anew")
@@ -194,7 +192,7 @@ def load_log(options: argparse.Namespace) -> Loaded:
     counters = [str(name) for name in log.columns if name not in named and is_counter(log[name])]
     results = [name for name in result_columns(log.columns) if name not in named]
     if results:
-        warn(f"{', '.join(map(quoted, results))} are of an earlier result: written again, and no suspects.")
+        warn(f"{', '.join(map(quoted, results))} are from an earlier result: rewritten, and no suspects.")
     if counters:
         warn(f"{', '.join(map(quoted, counters))} counts the rows: no suspect.")
     said = (*log.attrs["notes"], *([found.sentence()] if found.why else []))

@@ -35,11 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--effects", metavar="FILE", help="Python file with effects of your own, to be suspects too")
     serving = parser.add_argument_group("page")
     serving.add_argument("--port", type=int, default=0, help="on 127.0.0.1 (default: a free one)")
-    serving.add_argument("--keep", action="store_true", help="go on when the page is closed; Ctrl-C ends it")
+    serving.add_argument("--keep", action="store_true", help="keep running without the page; Ctrl-C ends it")
     serving.add_argument("--no-browser", action="store_true", help="print the address only")
     static = parser.add_argument_group("page that computes in the browser, to be served by any web server")
     static.add_argument("--static", metavar="FOLDER", help="write it there, and end")
-    static.add_argument("--pyodide", metavar="FOLDER", help="a Pyodide distribution, whose files go along")
+    static.add_argument("--pyodide", metavar="FOLDER", help="a Pyodide distribution, which is copied too")
     static.add_argument("--force", action="store_true", help="overwrite what is there already")
 
 
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
     )
 
     def ready(address: str) -> None:
-        say(f"Workbench: {address}\nIt is good for one browser on this machine. Close the page or press Ctrl-C to end.")
+        say(f"Workbench: {address}\nIt works in one browser on this machine. Close the page or press Ctrl-C to end.")
         if not options.no_browser and _has_screen():
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 

@@ -57,7 +57,7 @@ class Covariate(OfColumn):
     column : str or int
         Name (frames) or number (arrays) of the column.
     power : int, default 1
-        2 takes the square of the column: the power that a current dissipates.
+        1 to 9; 2 takes the square of the column: the power that a current dissipates. A diagnosis tries 1 and 2.
     """
 
     kind = "covariate"

@@ -83,8 +83,8 @@ class Node:
     """One operation: an `operator` and its arguments.
 
     Operators: ``T seconds elapsed step`` (inputs), ``column`` (its name is `detail`), ``angle`` (`detail`: the period),
-    ``+ - * / ** neg``, comparisons, ``exp log1p sin cos maximum minimum where``, ``word`` (`detail`: a `Word`), and
-    ``item`` (`detail`: which of a word's columns).
+    ``+ - * / ** neg``, comparisons, ``exp log log1p sqrt sin cos maximum minimum where``, ``word`` (`detail`: a
+    `Word`), and ``item`` (`detail`: which of a word's columns).
     """
 
     __slots__ = ("arguments", "detail", "number", "operator", "trace")
@@ -106,7 +106,9 @@ class Node:
 
     def __pow__(self, power: int) -> Any:
         if not float(power).is_integer() or not 0 <= power <= 99:
-            raise TraceError(f"powers of signals are whole numbers from 0 to 99, got {power!r}")
+            raise TraceError(
+                f"powers of signals are whole numbers from 0 to 99, got {power!r}: use x.sqrt, x.exp, x.log"
+            )
         return self.trace.node("**", self, detail=int(power))
 
     def __neg__(self) -> Any:
@@ -154,7 +156,7 @@ class Trace(Signals):
     def __getitem__(self, column: object) -> Any:
         return self.node("column", detail=column)
 
-    exp, log1p, sin, cos = map(_function, ("exp", "log1p", "sin", "cos"))
+    exp, log, log1p, sqrt, sin, cos = map(_function, ("exp", "log", "log1p", "sqrt", "sin", "cos"))
     maximum, minimum, where = map(_function, ("maximum", "minimum", "where"))
 
     def angle(self, period: float) -> Any:
@@ -215,7 +217,8 @@ def traced(effect: Any) -> Traced:
     try:
         columns = [trace.checked(column) for column in effect.signals(trace)]
     except (TypeError, AttributeError) as error:
-        raise TraceError(str(error)) from None
+        hint = "; numpy's functions are x.exp, x.sqrt, ... here" if "ufunc" in str(error) else ""
+        raise TraceError(f"{error}{hint}") from None
     return Traced(columns, trace.nodes, trace.words)
 
 

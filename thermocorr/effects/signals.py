@@ -51,8 +51,16 @@ class Signals:
         """e^value."""
         raise NotImplementedError
 
+    def log(self, value: Any) -> Any:
+        """Natural logarithm."""
+        raise NotImplementedError
+
     def log1p(self, value: Any) -> Any:
         """log(1 + value), natural."""
+        raise NotImplementedError
+
+    def sqrt(self, value: Any) -> Any:
+        """Square root."""
         raise NotImplementedError
 
     def sin(self, value: Any) -> Any:
@@ -128,7 +136,8 @@ class BlockSignals(Signals):
     `block` (Block). `state` (object): What `state` gave after the block before; None where a segment begins.
     """
 
-    exp, log1p, sin, cos = np.exp, np.log1p, np.sin, np.cos  # type: ignore[assignment]  # ufuncs can be called
+    exp, log, log1p, sqrt = np.exp, np.log, np.log1p, np.sqrt  # type: ignore[assignment]  # ufuncs can be called
+    sin, cos = np.sin, np.cos  # type: ignore[assignment]
     maximum, minimum = np.maximum, np.minimum  # type: ignore[assignment]
     where = staticmethod(np.where)  # type: ignore[assignment]
 
@@ -162,7 +171,12 @@ class BlockSignals(Signals):
         return self.block.steps
 
     def __getitem__(self, column: object) -> Any:
-        return self.block[column]
+        try:
+            return self.block[column]
+        except KeyError:
+            raise ValueError(
+                f"A formula uses the column {column!r}, which its effect's `inputs` do not name."
+            ) from None
 
     def angle(self, period: float) -> Any:
         return self._angle(period, self.block.seconds)

@@ -197,7 +197,8 @@ def _is_item(column: Any) -> bool:
 
 _INPUTS = {"T": "temperature", "seconds": "seconds", "elapsed": "elapsed", "step": "step"}
 _CALLED = {
-    "exp": math.exp, "log1p": math.log1p, "sin": math.sin, "cos": math.cos, "maximum": max, "minimum": min,
+    "exp": math.exp, "log": math.log, "log1p": math.log1p, "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos,
+    "maximum": max, "minimum": min,
 }  # fmt: skip
 
 

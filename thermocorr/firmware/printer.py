@@ -58,7 +58,10 @@ def prefix(text: object) -> str:
     return f"{DEFAULT}_{name}" if name.lower() in _UNFIT else name
 
 
-_FUNCTIONS = {name: name for name in ("exp", "log1p", "sin", "cos")} | {"maximum": "fmax", "minimum": "fmin"}
+_FUNCTIONS = {name: name for name in ("exp", "log", "log1p", "sqrt", "sin", "cos")} | {
+    "maximum": "fmax",
+    "minimum": "fmin",
+}
 MOST_KEPT = 4096
 """Samples of a delay's memory."""
 

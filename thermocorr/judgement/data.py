@@ -218,6 +218,8 @@ def candidates_of(record: Record, exclude: Collection[str], further: Any) -> lis
     ]
     for item in further:
         if isinstance(item, type) and issubclass(item, Effect):
+            if item.candidates.__func__ is Effect.candidates.__func__:  # type: ignore[attr-defined]  # of a class method
+                raise ValueError(f"{item.__name__} has no `candidates`: pass {item.__name__}(...), or write them.")
             found += item.candidates(record, columns)
         else:
             found.append(clone(as_effects([item], "suspects")[0][1]))

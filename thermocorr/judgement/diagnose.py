@@ -374,7 +374,10 @@ def _title(effect: Effect, start: float | None, degrees: str) -> str:
 def _cause(cause: Cause, standing: str, when: tuple[tuple[Any, Any], ...], pool: Pool, noise: float) -> FoundSuspect:
     """A cause as the reader sees it."""
     term, falls = cause.term, cause.worth.clearest
-    found = [t for t in (term.tried, *term.alike) if not t.explanation.in_model]
+    rivals = list(term.alike)
+    if any(t.explanation.effect is cause.effect for t in rivals):  # else the cause is what was found, in some form
+        rivals.insert(0, term.tried)
+    found = [t for t in rivals if not t.explanation.in_model]
     alike = [clone(t.explanation.effect) for t in found if t.explanation.effect is not cause.effect]
     if pool.runs_one_way and isinstance(cause.effect, Drift | InitialTransient | LogAgeing | SensitivityDrift):
         alike.append(StaticPolynomial(1))

@@ -94,7 +94,7 @@ class Advice:
         after, low, high, longest = (scale.number(v, 2) for v in (self.after, *self.range, self.longest))
         unit = f" {unit_text(scale.unit)}" if scale.unit else ""
         if not np.isfinite(self.range[0]):
-            return f"{after}{unit} rms on the last readings; how it does further ahead is not known"
+            return f"{after}{unit} rms on the last readings; the error further ahead is not known"
         spread = f" ({low} to {high})" if low != high else ""
         far = [f" {span_text(float(f'{each:.2g}'))}" if np.isfinite(each) else "" for each in (self.ahead, self.last)]
         said = f"{after}{unit} rms on the next{far[0] or ' tenth of the record'}{spread}"
@@ -110,7 +110,7 @@ class Advice:
         if not self.variant or not np.isnan(self.copies_db):
             return ""
         return (
-            "The temperature moved in time corrects as well, so a coincidence cannot be excluded. A second run, up and "
+            "A time-shifted temperature does just as well, so a coincidence cannot be excluded. A second run, up and "
             "down, would decide."
         )
 
@@ -121,19 +121,19 @@ class Advice:
     def sentence(self, scale: Scale | None = None) -> str:
         """Sentence on which correction to use, and its error."""
         if not self.choice:
-            return "Nobody can say whether a correction helps on unseen data: the record is too short."
+            return "It is unknown whether a correction helps on unseen data: the record is too short."
         scale = scale or self.scale()
         whole = self.table["all"]
         best = str(whole.drop(list(NEEDLESS), errors="ignore").idxmin())
         if self.choice == "none":
-            said = "Use no correction by temperature. On later stretches the readings have an error of "
+            said = "Use no temperature correction. On later stretches the readings have an error of "
             said += f"{scale.text(self.before)} rms, and of {scale.text(whole[best])} after the best correction, {best}"
             if reduction_db(whole[best], self.before) > -GAIN:
                 return f"{said}."
             longest = self.table[LONGEST]
             if reduction_db(longest[best], longest[list(NEEDLESS)].min()) > -GAIN:
                 return f"{said}; on the last 30 % of the record it is no better."
-            return f"{said}; the same temperature moved in time does as well."
+            return f"{said}; a time-shifted temperature does just as well."
         said = f"Use the {self.variant} correction: it leaves {self.promise(scale)}; "
         return f"{said}no correction leaves {scale.text(self.before, 2)}."
 

@@ -208,7 +208,7 @@ def _check_ambient(fitted: Reading, name: str, fitted_name: str, unit: str, medi
     as_it_is, converted = _near(median, low, high), _near(_from(unit, taken, median), low, high)
     begin = (
         f"The temperature {quoted(name)} is in {unit}, about {median:.4g}. The record that the model was fitted to "
-        f"names no unit of {quoted(fitted_name)}: {low:.4g} to {high:.4g} were taken for {taken}"
+        f"names no unit of {quoted(fitted_name)}: {low:.4g} to {high:.4g} were taken as {taken}"
     )
     refit = f"fit again with the unit in the column's name, as in {fitted_name + ' [°F]'!r}, or in X.attrs['units']"
     ambient = {one: _is_ambient(_from(one, "degC", low), _from(one, "degC", high)) for one in (taken, unit, "degF")}
@@ -227,7 +227,7 @@ def _check_ambient(fitted: Reading, name: str, fitted_name: str, unit: str, medi
         raise RecordError(
             f"{begin}, and by the values they are. Convert this column to {taken}, or correct its unit if it is wrong."
         )
-    raise RecordError(f"{begin}, and the values do not tell whether they are. To say it, {refit}.")
+    raise RecordError(f"{begin}, and the values do not tell if that is right. To fix it, {refit}.")
 
 
 def _is_ambient(low: float, high: float) -> bool:

@@ -32,7 +32,7 @@ HIDDEN_DRIFT = (
     "drift). Record longer, through the same temperatures again."
 )
 GOES_ON = (
-    "what the model takes for a start-up is as likely something that goes on (diagnosis.left.start_or), so a forecast "
+    "the model's start-up decay may as well be something that continues (diagnosis.left.start_or), so a forecast "
     "may be wrong. Record longer."
 )
 
@@ -104,8 +104,8 @@ def why_incomplete(model: Any, joint: JointErrors, diagnosis: Any) -> str:
     if share <= WANDERS:
         return ""
     return (
-        f"{100 * share:.0f} % of the residual variance wanders, which a missing effect may do "
-        "(diagnosis=diagnose(model, X, y) looks for it)."
+        f"{100 * share:.0f} % of the residual variance wanders, which may be a missing effect "
+        "(check: pass diagnosis=diagnose(model, X, y))."
     )
 
 
@@ -131,8 +131,8 @@ def _verdict_on(model: Any, diagnosis: Any) -> str:
     if not own / OTHER <= found <= own * OTHER and max(found, own) > 0:
         residual, left = quantity_texts((found, own), model.reading_.unit)
         raise ValueError(
-            f"The diagnosis is of another model: it found a residual of {residual}, and this model left {left} of "
-            "its record. Pass diagnose(model, X, y) of the same model."
+            f"The diagnosis is of another model: it found a residual of {residual}, and this model has "
+            f"one of {left}. Pass diagnose(model, X, y) of the same model."
         )
     return str(diagnosis.verdict)
 

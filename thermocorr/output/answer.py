@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model.advice import REFINED, Advice, advise_refined
+from ..model.advice import REFINED, SIMPLER, Advice, advise_refined
 from ..model.tables import VERDICTS
 from ..model.variants import VariantComparison
 from ..records.errors import printable
@@ -142,6 +142,8 @@ class Answer:
         if not self.refined or self.refinement is None:
             return "" if self.advised is None else self.advised.variant
         begun = self.asked or self.begun or ("" if self.comparison is None else self.comparison.begun)
+        if any(suspect.effect.memory() > 0 for some in self.refinement.added for suspect in some):
+            begun = begun.removeprefix("static ")  # with a lag it is static no more
         return f"{begun} with {further_text(self.refinement)}".strip()
 
     @property
@@ -276,7 +278,11 @@ class Answer:
         head = f"rms on later data{f' [{unit_text(scale.unit)}]' if scale.unit else ''}"
         chosen = advice.variant or next(iter(shown))
         names = [f"{name} *" if name == chosen else name for name in shown]
-        mark = "* is asked for" if self.asked and not self.refined else "* is advised"
+        mark = "* is advised"
+        if self.asked and not self.refined:
+            mark = "* is asked for"
+        elif advice.variant and shown[chosen] > min(shown.values()):
+            mark = f"* is the simplest within {SIMPLER:g} dB"
         return _columns([[head, *names], [mark, *(scale.number(v) for v in shown.values())]])
 
     def _causes(self) -> list[str]:
@@ -316,13 +322,13 @@ class Answer:
             return ""
         begin = next((cause for cause in self.causes if cause.state == "missing"), None)
         if begin is not None:
-            add = "--refine adds what is missing, and measures whether the error falls."
+            add = "--refine adds what is missing to the model, and measures whether the error falls."
             return f"Next: {add}{self._check(begin.suspect)}"
         if self.causes:
             return self._check(self.causes[0].suspect).strip()
         if VERDICTS[found.verdict].unknown:
             more = self.left[1] if len(self.left) > 1 else ""
-            return more or "Next: record more of what may act on the instrument, or longer."
+            return more or "Next: record longer, or more of what may act on the instrument."
         return ""
 
     @staticmethod

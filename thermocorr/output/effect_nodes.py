@@ -15,6 +15,7 @@ from ..effects.signals import DelayState
 from ..effects.thermal import seconds_array
 from ..equations import LagState
 from ..equations.outliers import OVERLOAD
+from ..records.errors import way
 from ..records.types import LARGEST, Column, Large, Positive, Sizes, within
 from .codec import ModelFileError, fields, number, pack, read, shown, text, unexpected, unpack, write
 
@@ -110,8 +111,11 @@ class EffectCodec:
         path = text(path, f"{where}.import")
         if path not in self.allow_imports:
             raise ImportNotAllowedError(
-                f"{where} is an effect of its own, {path!r}, which would be imported and run. If you trust it, load "
-                f"with allow_imports=[{path!r}]"
+                f"{where} is an effect from outside the package, {path!r}, which would be imported and run. If you "
+                + way(
+                    "trust it, use it in Python: load_model(..., allow_imports=[...])",
+                    f"trust it, load with allow_imports=[{path!r}]",
+                )
             )
         module, _, qualified = path.rpartition(".")
         try:

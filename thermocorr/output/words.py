@@ -20,7 +20,7 @@ from ..records.numbers import SUPERSCRIPTS, UNKNOWN, Scale, quantity_text, scale
 from ..records.units import difference_unit
 
 MINUS = "\u2212"
-HELPS = "One effect lowers the error on data that it was not learned from; that it is the cause is not proven."
+HELPS = "One effect lowers the error on unseen data; that it is the cause is not proven."
 MANY_MOMENTS = 6
 """Moments of a cause that are listed at most."""
 
@@ -155,7 +155,7 @@ def wrapped(name: str, width: int, lines: int = 3) -> str:
 
 STANDINGS = {
     "confirmed": "confirmed",
-    "helps": "helps on data not learned from; its cause is not proven",
+    "helps": "helps on unseen data; not proven to be the cause",
     "proven": "proven, not confirmed",
     "": "not named",
 }
@@ -169,7 +169,7 @@ def suspect_sentence(suspect: Any) -> str:
     if suspect.confusable_with:
         tie = f"; cannot be distinguished from {', '.join(effect_text(effect) for effect in suspect.confusable_with)}"
     if suspect.in_model:
-        tie += "; slow lags of the model have taken it for a slow body, and this record cannot tell which it is"
+        tie += "; this record cannot tell it apart from slow lags that the model has, a slow body"
     physics = suspect.effect.info.physics if suspect.effect.info is not None else ""
     return (
         (
@@ -208,7 +208,7 @@ def small_sentence(found: Any) -> str:
     scale = scale_of([suspect.size for suspect in largest], printable(found.unit))
     said = [f"{suspect.label} ({size_text(suspect, scale)})" for suspect in largest[:2]]
     more = f" and {len(largest) - 2} more" if len(largest) > 2 else ""
-    return f"Proven, not confirmed on data not learned from: {', '.join(said)}{more}."
+    return f"Proven, but not confirmed on unseen data: {', '.join(said)}{more}."
 
 
 def moment_texts(low: Any, high: Any) -> list[str]:
@@ -233,12 +233,9 @@ _TO_LOG = (
     (600.0, "draughts, the supply voltage, the load"),
     (2 * 3600.0, "the air conditioning's switch, a fan, the mains load"),
     (12 * 3600.0, "a second thermometer (room, wall, meter), humidity, sunlight"),
-    (36 * 3600.0, "what has a day: sunlight, the mains load, people in the room, humidity"),
+    (36 * 3600.0, "daily cycles: sunlight, the mains load, people in the room, humidity"),
     (5 * 86_400.0, "weather: pressure and humidity; a second thermometer deep in the instrument"),
-    (
-        np.inf,
-        "humidity (moisture is taken up for weeks), what people do in a week, a second standard that ages otherwise",
-    ),
+    (np.inf, "humidity (moisture is taken up for weeks), weekly activity, a second standard that ages differently"),
 )
 
 
@@ -273,13 +270,13 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     said += thermometer_sentences(left, scale)
     if left.copied and not VERDICTS[verdict].calm:
         said.append(
-            f"What is left goes with {', '.join(left.copied[:3])}, and nearly as well with copies of it moved in time: "
+            f"What is left follows {', '.join(left.copied[:3])}, but copies of it shifted in time nearly as well: "
             "a few slow swings prove nothing. Record longer."
         )
     if left.absurd:
         said.append(
-            f"A few readings dominate the residual: its rms is {left.tails:.2g} times its usual size. If they are no "
-            "measurements they spoil the fit: find them in the residual, and leave them out (NaN, or mask=...)."
+            f"A few readings dominate the residual: its rms is {left.tails:.2g} times its usual size. If they are "
+            "invalid, they spoil the fit: find them in the residual, and leave them out (NaN, or mask=...)."
         )
     if left.spikes:
         said.append(
@@ -298,7 +295,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
     known = {what: size for what, size in sizes.items() if np.isfinite(size)}
     seen = [f"{what} of {scale.text(size, 2)}" for what, size in known.items()]
     if seen:
-        said.append(f"This record could have shown {' or '.join(seen)}; smaller ones are beyond it.")
+        said.append(f"This record could have shown {' or '.join(seen)}; smaller ones go unseen.")
     if left.drift_hides and not named:
         which = "a smaller drift than that" if np.isfinite(left.smallest_drift) else "a drift"
         said.append(
@@ -307,7 +304,7 @@ def left_sentences(left: Any, scale: Scale, verdict: str) -> list[str]:
         )
     if left.start_or:
         said.append(
-            f"What the model takes for a start-up is as likely {' or '.join(left.start_or)}, which goes on where a "
+            f"The model's start-up decay may as well be {' or '.join(left.start_or)}, which continues where a "
             "start-up ends, so a forecast may be wrong. A longer record distinguishes them."
         )
     return said
@@ -330,12 +327,12 @@ def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
         # Relative error of a static gain that is worth a word
         if abs(row.gain_error) >= 0.002:
             about = f"about {100 * float(f'{abs(row.gain_error):.1g}'):g}%"
-            gain = f"is learned {about} too {'small' if row.gain_error < 0 else 'large'}"
+            gain = f"is {about} too {'small' if row.gain_error < 0 else 'large'}"
             if row.resolution:
                 far = about if row.gain_error < 1 else "as much as itself"
                 gain = f"may be off by {far} (an estimate, not a limit)"
             said.append(
-                f"For {whose} the static gain {gain}. "
+                f"Due to {whose}, the static gain {gain}. "
                 "Readings are corrected as well as this thermometer allows; do not quote the gain itself."
             )
     return said
@@ -356,6 +353,6 @@ def further_text(refinement: Any) -> str:
 def worst_sentence(row: Any) -> str:
     """The first place of `Diagnosis.where`, for a printed page."""
     return (
-        f"Where it fails most: {place_text(row)}: {row.share:.0%} of the error beyond the noise in "
+        f"The model fails most {place_text(row)}: {row.share:.0%} of the error beyond the noise in "
         f"{share_of_samples(row):.0%} of the samples."
     )

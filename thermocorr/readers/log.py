@@ -114,7 +114,10 @@ def _form_of(text: str, encoding: str, said: Options) -> Form:
     if found is None and head.strip().count("\n") == 0:
         raise RecordError(f"It has a header ({quoted(head.strip())}) but no rows.")
     if found is None:
-        raise RecordError(f"No separator makes rows of numbers and times of its lines. Say {option('sep')}.")
+        raise RecordError(
+            f"It holds no rows of numbers and times (line 1: {quoted(head.strip().splitlines()[0][:60])}). If it is a "
+            f"log, say {option('sep')}."
+        )
     return replace(found, encoding=encoding, missing=list(said.na), stamped=stamped)
 
 

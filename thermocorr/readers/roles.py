@@ -120,7 +120,7 @@ def guess(
     if reading is None:
         called = called_readings(measured)
         exact = [name for name in numbers if _bare(name) == "reading" and name != temperature]
-        found = next((names for names in (exact, called, measured, others) if len(names) == 1), [])
+        found = next((names for names in (exact, called, measured) if len(names) == 1), [])
         if found:
             reading = found[0]
             if found not in (exact, called):

@@ -93,8 +93,9 @@ def unit_of(name: object, data: Any) -> str:
     if isinstance(noted, dict) and name in noted:
         return str(noted[name])
     text = str(name)
-    end = text.rsplit("_", 1)[-1]
-    if end != text and (unit := _SUFFIXES.get(end) or (_prefixed(end) if end.endswith(_ENDINGS) else "")):
+    bare, _, end = text.rpartition("_" if "_" in text else " ")
+    clear = "_" in text or len(end) > 1 or end in ("V", "%")  # "Phase A", "Sensor C" have no units
+    if bare and clear and (unit := _SUFFIXES.get(end) or (_prefixed(end) if end.endswith(_ENDINGS) else "")):
         return unit
     if end == "F" and TEMPERATURES.search(text[:-2]):  # a capacitance else
         return "degF"
@@ -112,7 +113,7 @@ def without_unit(name: str, unit: str) -> str:
     if not unit or unit_of(name, None) != unit:
         return name
     bare = name_and_unit(name)[0]
-    return name.rsplit("_", 1)[0] if bare == name else bare
+    return re.split(r"[_ ](?=[^_ ]*$)", name)[0] if bare == name else bare
 
 
 def unit_of_text(text: str) -> str:

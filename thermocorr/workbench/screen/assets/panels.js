@@ -85,7 +85,7 @@
       if (row.kind !== "roles") buttons.append(element("button", { type: "button", class: "plain", "data-at": `drop ${row.step}`, "aria-label": `remove step ${row.step}: ${row.text}`, onclick: () => act.do({ do: "drop", step: row.step - 1 }) }, "remove"));
       return element("li", { "aria-current": last ? "step" : false },
         element("div", { class: "what" }, row.text, " ", buttons),
-        element("div", { class: "error" }, row.same ? number(row.later, "…") : element("span", { class: "soft" }, "learned from other readings: not compared"), " ", row.db ? element("strong", { class: row.db.value < 0 ? "good" : "bad" }, number(row.db)) : null),
+        element("div", { class: "error" }, row.same ? number(row.later, "…") : element("span", { class: "soft" }, "fitted to other readings: not compared"), " ", row.db ? element("strong", { class: row.db.value < 0 ? "good" : "bad" }, number(row.db)) : null),
         element("div", { class: "fine" }, "held out ", number(row.held_out), ", in sample ", number(row.rms)),
       );
     }));
@@ -118,7 +118,7 @@
   function where(state, act) {
     const places = state.fitted?.where ?? [];
     if (!state.fitted || (!places.length && !state.judged)) return [];
-    if (!places.length) return [element("h2", {}, "Where does it fail?"), element("p", { class: "fine" }, "Nowhere more than noise does.")];
+    if (!places.length) return [element("h2", {}, "Where does it fail?"), element("p", { class: "fine" }, "Nowhere beyond the noise.")];
     const longest = Math.max(...places.map((place) => place.share.value), 1e-300);
     const item = (place, i) => {
       const text = `${place.aspect}: ${place.interval}`, can = place.from_to || place.column != null;
@@ -165,7 +165,7 @@
       element("h2", {}, "What is missing?"),
       causes ? element("p", { class: "fine" }, "Rms error on later data of the model as it is, and fitted with each; the most helpful first.") : null,
       causes ? listed(judged.suspects.slice(0, first), 0) : element("p", { class: "fine" }, judged.calm ? "No suspect is worth adding." : "No suspect explains it by itself."),
-      causes > first ? details(`${causes - first} more that are named`, false, listed(judged.suspects.slice(first, causes), first)) : null,
+      causes > first ? details(`${causes - first} more causes`, false, listed(judged.suspects.slice(first, causes), first)) : null,
       others.length ? details(`${others.length} others that were tried`, false, listed(others, causes)) : null,
     ];
   }

@@ -3,9 +3,9 @@
 (() => {
   const tc = (window.thermocorr ??= {});
   const { element } = tc;
-  const TABS = { against: "What is left, against…", where: "Where it fails", contributions: "What each effect adds", allan: "For how long averaging helps" };
+  const TABS = { against: "Residual against…", where: "Where it fails", contributions: "What each effect adds", allan: "For how long averaging helps" };
   const CAPTIONS = {
-    against: "Points: some of the rows. Line: the mean of all rows in each range, with a band of twice its error as if the noise were white. A line that leaves zero is a law that the model does not have.",
+    against: "Points: some of the rows. Line: the mean of all rows in each range, with a band of twice its error, assuming white noise. A line that leaves zero shows a law that the model lacks.",
     where: "Each bar: an interval's share of the error beyond the noise, over its share of the samples.",
     contributions: "What each effect adds, the largest first; at the right, what it adds after a step of the temperature.",
     allan: "Averaging helps as long as the Allan deviation of the corrected readings falls along the dashed line of white noise. Bands: 95 % confidence.",

@@ -49,7 +49,7 @@
       this.mode = element("button", { type: "button", "aria-pressed": "false", onclick: () => this.select(this.mode.getAttribute("aria-pressed") !== "true") }, "Select a stretch");
       const zoom = { "Whole record": () => this.plot.found && this.plot.zoom(null), "+": step(0.25, 0.75), "−": step(-0.5, 1.5), "◀": step(-0.5, 0.5), "▶": step(0.5, 1.5) };
       const names = { "+": "zoom in", "−": "zoom out", "◀": "earlier", "▶": "later" };
-      this.level = element("button", { type: "button", "aria-pressed": "false", hidden: true, "data-at": "level", onclick: () => { const on = this.level.getAttribute("aria-pressed") !== "true"; this.level.setAttribute("aria-pressed", String(on)); this.plot.set({ levels: !on }); } }, "Runs less their level");
+      this.level = element("button", { type: "button", "aria-pressed": "false", hidden: true, "data-at": "level", onclick: () => { const on = this.level.getAttribute("aria-pressed") !== "true"; this.level.setAttribute("aria-pressed", String(on)); this.plot.set({ levels: !on }); } }, "Subtract run levels");
       this.marks = element("button", { type: "button", hidden: true, "data-leave-out": "", onclick: () => this.leaveOut() }, "Leave it out");
       this.at("zoom").replaceChildren(...Object.entries(zoom).map(([name, run]) => element("button", { type: "button", "aria-label": names[name] || name, onclick: run }, name)), this.mode, this.marks, this.level);
       this.at("cancel")?.addEventListener("click", () => this.wire.cancel());
