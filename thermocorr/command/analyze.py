@@ -79,7 +79,7 @@ def run(options: argparse.Namespace, say: Callable[[str], None], progress: Calla
 def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Progress, outputs: Outputs) -> None:
     folder = None if options.out is None else Path(options.out)
     report = None if options.report is None else Path(options.report or (folder or Path()) / "report.html")
-    # Files in the folder of --out
+    # The files in the folder of --out:
     for path in [
         *([] if folder is None else [folder / name for name in ("corrected.csv", "model.json", "model.txt")]),
         *([] if report is None else [report]),

@@ -156,7 +156,7 @@ def plant(
         parameters, shapes = _shapes(planting, runs, scene, seed, shared)
         kept = np.concatenate([shape[run.kept] for shape, run in zip(shapes, runs, strict=True)])
         left = left_by_static_law(scene.columns["temperature"], kept)
-        # Share of an effect's rms below which a static quadratic is said to explain it altogether
+        # What leaves less than 1e-9 of its rms is explained by a static quadratic altogether.
         if left <= 1e-9 * np.sqrt(np.mean(kept**2)):
             raise ValueError(
                 f"The 'effects' parameter of {_WHO} plants {planting.kind!r} with {parameters}: on this record a "

@@ -212,7 +212,7 @@ class SaturatingCovariate(OfColumn):
         """Columns that swing by a tenth of a positive mean."""
         found = [name for name in suspects(record, columns) if swings(record, name)]
         means = {name: record.moments(name).mean for name in found}
-        # Halves to try, as shares of a column's mean: strongly and mildly bent
+        # A half at 0.3 of the column's mean is strongly bent, one at 1.5 mildly.
         return [cls(name, float(f"{s * mean:.3g}")) for name, mean in means.items() if mean > 0 for s in (0.3, 1.5)]
 
     def _text(self) -> str:
@@ -341,7 +341,7 @@ def _powers(record: Record, column: Any) -> tuple[int, ...]:
 def swings(record: Record, column: Any) -> bool:
     """True if a column swings enough for curvature to show."""
     known = record.moments(column)
-    # Spread over mean of a column above which its square is no copy of itself
+    # The square of a column that spreads by a tenth of its mean or less is a copy of it.
     return known.std > 0.1 * abs(known.mean) and has_middle(record, column)
 
 

@@ -135,8 +135,7 @@ class Effect(ParametersOnce):
             value = getattr(self, name)
             if value is None:
                 continue
-            # Share of the longest stretch of a record beyond which no time constant is moved: `candidates` go to a
-            # fifth
+            # No time constant is moved beyond a quarter of the longest stretch; `candidates` go to a fifth.
             most = 0.25 * record.longest_read() if name.startswith("time_constant") else np.inf
             single = isinstance(value, str) or np.ndim(value) == 0
             numbers = [seconds_of(item, name) for item in ([value] if single else value)]

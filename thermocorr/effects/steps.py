@@ -290,7 +290,7 @@ class Disturbance(Effect):
     def candidates(cls, record: Record, columns: Sequence[Any] | None = None) -> list[Effect]:
         """Four stretches of a fiftieth of the rows."""
         starts = time_quantiles(record, _STARTS)
-        # Length of the stretches among the candidates, as a share of the rows
+        # Each candidate lasts for 2 % of the rows.
         ends = time_quantiles(record, [share + 0.02 for share in _STARTS])
         return [cls(float(a), float(b)) for a, b in zip(starts, ends, strict=True) if 0 < a < b]
 

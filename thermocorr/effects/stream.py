@@ -302,7 +302,7 @@ class SteppedLag:
         factors = self.known.get(step)
         if factors is None:
             factors = [decay_and_gain_of_step(step, tau, self.first_order) for tau in self.time_constants]
-            # Different steps whose decays are remembered; a clock that jitters does not fill the memory
+            # A clock that jitters does not fill the memory with decays: 64 different steps are remembered.
             if len(self.known) < 64:
                 self.known[step] = factors
         change = value - last

@@ -71,7 +71,7 @@ class InitialTransient(Effect):
         slow = time_constants[time_constants <= self.longest_share * sum(durations)]
         for key, (segment, limit) in enumerate(zip(record.segments, self.longest(durations), strict=True)):
             chosen = time_constants[time_constants <= limit]
-            # Ratio of time constants below which a decay as long as its segment adds little to a shorter one
+            # A decay as long as its segment adds little to one that is less than 1.5 times as fast.
             if len(slow) and slow.max() > limit > 1.5 * chosen.max(initial=0.0):
                 chosen = np.append(chosen, limit)
             chosen = chosen[chosen > _first_reading(record, segment)]  # what is over before can't be known

@@ -150,7 +150,7 @@ def averaging_factors(
                 "The 'averaging_times' parameter must be 'octave', 'log' or times in seconds. "
                 f"Got {averaging_times!r} instead."
             )
-        # Longest averaging time by default, as a share of the record: beyond, the deviation is hardly known
+        # Beyond a quarter of the record the deviation is hardly known.
         most = max(1, int(n * (1 / 4)))
         if averaging_times == "octave":
             return 2 ** np.arange(int(np.log2(most)) + 1)
@@ -209,7 +209,7 @@ def noise_exponents(sums: Sequence[CellSums], factors: Iterable[int]) -> NDArray
     exponents: list[int] = []
     for m in factors:
         averages = [piece.means(int(m), int(m)) for piece in sums]
-        # Averages that show the kind of noise at an averaging time; with fewer, it is that of the one before
+        # Thirty averages show the kind of noise; with fewer, it is that of the averaging time before.
         enough = max((int(np.isfinite(a).sum()) for a in averages), default=0) >= 30
         exponents.append(min(noise_exponent(averages), 0) if enough else (exponents[-1] if exponents else 0))
     return np.array(exponents, np.int_)

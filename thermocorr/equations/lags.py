@@ -64,7 +64,7 @@ def decay_and_gain(steps: Floats, time_constant: float | Floats, hold: Hold = "f
         ``a = exp(-dt/tau)``; ``g = (1 - a) tau/dt`` for the first-order hold, 1 for the zero-order hold.
     """
     ratio = steps / time_constant
-    # Step over time constant below which a rational approximation replaces the exponential
+    # Below a tenth, a rational approximation replaces the exponential.
     small = ratio < 0.1  # element by element, so that a value does not depend on its neighbours
     if small.all():
         decay, gain = _of_small_steps(ratio)

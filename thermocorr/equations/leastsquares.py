@@ -194,7 +194,7 @@ def solve_ridge(factor: TriangularFactor, alpha: float = 0.0) -> RidgeSolution:
             unit = np.vstack((unit, penalty * np.eye(p)))
             target = np.concatenate((target, np.zeros(p)))
         left, singular, right = np.linalg.svd(unit, full_matrices=False)
-        # Singular values of the unit-column triangle below this share of the largest carry no information
+        # Smaller singular values carry no information.
         keep = singular > 1e-11 * max(singular[0], np.finfo(float).tiny)
         inverse = (right[keep].T / singular[keep]) / safe[:, None]
         coef = inverse @ (left[:, keep].T @ target)
@@ -270,7 +270,7 @@ class BorderedFactor:
     def solution(self, alpha: float) -> RidgeSolution | None:
         """Solution of `solve_ridge`; None where columns may be dependent."""
         mean, length = self._centred()
-        # Length of a column less its mean, over its whole length, below which it is a constant
+        # A column of which less than 1e-13 is left without its mean is a constant.
         if not (length > 1e-13 * np.hypot(length, mean * np.sqrt(self.n_rows))).all():
             return None
         unit = np.concatenate(([np.sqrt(self.n_rows)], length))  # of [1 | Q]

@@ -73,7 +73,7 @@ class Bands:
     def starts(self) -> np.ndarray:
         """First index of each band in that order."""
         rank = np.arange(len(self.segment))
-        # Bands to a factor of e in frequency above them
+        # There are twenty bands to a factor of e in frequency above the single ones.
         high = SINGLE + np.floor(np.log(np.maximum(rank, SINGLE) / SINGLE) * 20).astype(int)
         return np.flatnonzero(np.diff(np.where(rank < SINGLE, rank, high), prepend=-1))
 
@@ -159,7 +159,7 @@ def fitted_parts(parts: np.ndarray, share: np.ndarray, power: np.ndarray, start:
     each band. `start` (array of shape (parts, records)): Variances to begin with.
     """
     theta = np.maximum(start, SMALLEST)
-    # Multiplicative updates in one estimate of the variances
+    # Sixty multiplicative updates estimate the variances.
     for _ in range(60):
         S = parts @ theta
         theta = np.maximum(theta * (parts.T @ (power / S**2)) / (parts.T @ (share[:, None] / S)), SMALLEST)
@@ -182,7 +182,7 @@ def spans(segment: np.ndarray, seconds: np.ndarray, runs: Sequence[object]) -> n
     edges = np.flatnonzero(np.diff(segment, prepend=-1))
     first, last = seconds[edges], seconds[[*(edges[1:] - 1), -1]]
     label = [runs[i] for i in segment[edges]]
-    # Share of the record that a pause may last for noise to go on over it, wherever it lies
+    # Noise goes on over a pause of a hundredth of the record or less, wherever it lies.
     short, began, ends = 0.01 * float(np.ptp(seconds)), 0, np.zeros(len(segment), int)
     for i in range(1, len(edges)):
         most = max(last[i - 1] - first[began], last[i] - first[i], short)
@@ -291,7 +291,7 @@ def shows_the_same(column: Floats, reading: Floats) -> bool:
     spread, own = np.std(reading), np.std(column)
     if not spread / SAME_SCALE < own < SAME_SCALE * spread or abs(np.mean(column) - np.mean(reading)) > spread:
         return False
-    # Squared correlation at which a column may show what the reading shows
+    # With half of the variance in common, a column may show what the reading shows.
     return bool(np.corrcoef(column, reading)[0, 1] ** 2 > 0.5)
 
 
@@ -300,21 +300,21 @@ def _is_line(column: Floats, reading: Floats) -> bool:
     left = 1 - np.corrcoef(reading, column)[0, 1] ** 2
     if left < OF_NOISE and left * np.var(reading) < OF_NOISE * _white(reading):  # counts, a rounded copy
         return True
-    # Share of a column not explained by the reading below which it may be a copy of it: its small steps decide
+    # A column that the reading explains to less than this may be a copy of it: its small steps decide.
     if left > 1e-9:
         return False
     steps, own = np.diff(reading), np.diff(column)  # a setpoint has nothing of the reading's noise
-    # Share of the reading's steps from row to row that are noise: the smaller half
+    # The smaller half of the reading's steps from row to row are noise.
     small = np.abs(steps) <= np.quantile(np.abs(steps), 0.5)
     if not np.ptp(steps[small]) or not np.ptp(own[small]):
         return False
-    # Squared correlation of these steps above which the column carries the reading's own noise
+    # A column whose steps go with nine tenths of these carries the reading's own noise.
     return bool(np.corrcoef(steps[small], own[small])[0, 1] ** 2 > 0.9)
 
 
 def _white(reading: Floats) -> float:
     """Variance of the white noise in most parts of a reading."""
-    # Parts of a record in each of which its white noise is measured: a pause, or a jump, is in few of them
+    # White noise is measured in five parts of the record: a pause, or a jump, is in few of them.
     return float(np.median([white_part([part]) for part in np.array_split(reading, 5) if len(part)]))
 
 
@@ -332,16 +332,16 @@ def _is_smoothed(column: Floats, reading: Floats) -> bool:
     if not _is_white(frequency[upper], power.real[upper]) or not of_column[upper].any():
         return False
     shared = np.abs(cross[upper]) ** 2 / np.maximum(power.real[upper] * of_column[upper], np.finfo(float).tiny)
-    # Mean coherence in these octaves at which a column has the reading's noise. A mean of 100 rows has 0.5: the other
+    # A column whose mean coherence in these octaves is less has noise of its own. A mean of 100 rows has 0.5: the other
     # half is that of the rows that go.
     if shared.mean() < 0.45:
         return False
     slow, fast = (np.abs(cross[part]).sum() / of_column[part].sum() for part in (low, upper))
     together, own_alone, alone = (np.fft.irfft(each) for each in (cross, of_column, power))  # by Wiener-Khinchin
     later = together[1 : WINDOW // 4].max() / np.sqrt(own_alone[0] * alone[0])
-    # Ratio of the reading's response to the column in the upper octaves, over that below a quarter of their lower end,
-    # at which the column is smoother than what it would cause
-    # Correlation of the steps with those of the reading some rows before at which the column is an earlier reading
+    # A column is smoother than what it would cause where the reading's response to it in the upper octaves is twice
+    # that below a quarter of their lower end; it is an earlier reading where their steps some rows apart correlate by
+    # more than 0.9.
     return bool(fast > 2.0 * slow or later > 0.9)
 
 

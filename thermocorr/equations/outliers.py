@@ -94,7 +94,7 @@ def usual_of(stretches: Sequence[Floats], n_rows: int | None = None) -> Usual:
         return Usual(middle=middle, low=low, high=high, noise=0.0, reach=np.inf)  # it stands still: no jump is unusual
     peaks = np.sort(peak_heights(steps))
     fewest = max(1e-3, 10 / len(values))
-    # Shares of the rows at which, too, the tail is predicted: where as many are spikes, they are no part of it
+    # The tail is predicted at these shares of the rows, too: where as many are spikes, they are no part of it.
     shares = [fewest, *(share for share in (3e-3, 1e-2, 3e-2) if share > fewest)]
     n = max(n_rows or 0, len(values))
     predicted = min(_predicted(peaks, share, n, noise) for share in shares)
@@ -107,9 +107,9 @@ def _predicted(peaks: Floats, rare: float, n_rows: int, noise: float) -> float:
     often = min(10 * rare, 0.3)
     q_rare, q_often = _share(peaks, 1 - rare), _share(peaks, 1 - often)
     growth = max(q_rare / max(q_often, noise), 1.0) ** (1 / np.log10(often / rare))
-    # Decades beyond the largest expected peak of the whole record, out to which the tail of its peaks is predicted. Of
-    # 40 records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes
-    # of 12 standard deviations in white noise 15 % are kept then.
+    # The tail of the peaks is predicted to one decade beyond the largest expected peak of the whole record. Of 40
+    # records of Student's t with three degrees, 20 000 rows each, 6 lose a row; at 0 27 do, at 2 one, but of spikes of
+    # 12 standard deviations in white noise 15 % are kept then.
     return float(q_rare * growth ** max(np.log10(rare * n_rows) + 1.0, 0.0))
 
 
@@ -120,7 +120,7 @@ def _below_a_gap(peaks: Floats, noise: float) -> float:
     """
     top = peaks[int((1 - MOST) * len(peaks)) :][::-1]
     high, low = top[GAP_FROM - 1 : -1], np.maximum(top[GAP_FROM:], noise)
-    # Ratio of the heights of one of the largest peaks and the next, at which what is above is no tail
+    # What is above a gap of twice the height is no tail.
     gaps = np.flatnonzero((high > SPIKE * noise) & (high > 2.0 * low))
     return float(np.sqrt(high[gaps[-1]] * low[gaps[-1]])) if len(gaps) else np.inf
 
@@ -239,7 +239,7 @@ def _coded(values: Floats, usual: Usual) -> Booleans:
     repeated = np.zeros(len(values), bool)
     repeated[1:] = values[1:] == values[:-1]
     repeated[:-1] |= repeated[1:]
-    # Distance [ranges] at which any number that repeats itself exactly is a code
+    # A number that repeats itself exactly, a thousand ranges away, is a code whatever it is.
     beyond &= np.isin(values, ALL_CODES) | (repeated & usual.outside(values, 1000.0))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], beyond, [False])).astype(int)))
     for start, stop in edges.reshape(-1, 2).tolist():
@@ -255,8 +255,8 @@ def _peaks(values: Floats, usual: Usual) -> tuple[Rows, Floats, Rows]:
     steps = np.diff(values)
     far = np.flatnonzero(np.abs(steps) > usual.reach)
     lengths, heights = np.zeros(len(far), np.intp), np.zeros(len(far))
-    # Rows of a spike at most
-    for length in range(1, 2 + 1):  # of the longest that returns
+    # A spike lasts for two rows at most.
+    for length in (1, 2):  # of the longest that returns
         ends = np.flatnonzero(np.isin(far + length, far))
         returned, height = _returned(values, far[ends] + 1, length, usual)
         lengths[ends[returned]], heights[ends[returned]] = length, height[returned]
@@ -284,7 +284,7 @@ def _returned(values: Floats, first: Rows, length: int, usual: Usual) -> tuple[B
     heights[complete] = height = away.min(axis=1)
     high = height > max(usual.reach, SPIKE * usual.noise)  # else the noise nearby need not be looked at
     noise = np.maximum(usual.noise, _noise_around(values, first[high], length))
-    # A spike has returned if the readings after and before it differ by less than this share of its height
+    # A spike has returned if the readings before and after it differ by less than a fifth of its height.
     agree = np.abs(after - before)[high] <= np.maximum(3 * noise, 0.2 * height[high])
     returned[complete[high]] = agree & (height[high] > SPIKE * noise)
     return returned, heights
@@ -361,8 +361,8 @@ def is_repeated(values: Floats) -> bool:
     first = np.flatnonzero(~again)
     shown, rows = values[first], np.diff(first, append=len(values))
     stands = rows > 1
-    # Share of the readings that stand in more than one row, at which they may be repeated: those of white noise of
-    # 1.9 digits do as often, and move on by two digits or less in two of three steps
+    # Readings may be repeated where 15 % of them stand in more than one row: those of white noise of 1.9 digits do as
+    # often, and move on by two digits or less in two of three steps.
     if stands.sum() < max(FEWEST, 0.15 * len(shown)) or len(np.unique(shown[stands])) < DIFFERENT:
         return False
     steps = np.abs(np.diff(shown))

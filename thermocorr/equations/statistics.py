@@ -120,7 +120,7 @@ def white_part(series: Sequence[Floats]) -> float:
     """
     order = 3
     found = []
-    # Rows between values whose differences are compared, for their white part
+    # Differences over one, two and four rows show the white part.
     for k in (1, 2, 4):
         total, count = 0.0, 0
         for x in series:
@@ -136,8 +136,8 @@ def white_part(series: Sequence[Floats]) -> float:
         return once  # nothing wanders
     growth = min(max((four_times - twice) / (twice - once), 2.0), 4.0**order)  # 2^p
     white = once - (twice - once) / (growth - 1)
-    # Share of the differences from row to row that the white part must have: less is an error of the extrapolation.
-    # Exact temperatures of simulated climates have up to 0.04, or as much as 0.3 mK.
+    # A white part of less than a tenth of the differences from row to row is an error of the extrapolation. Exact
+    # temperatures of simulated climates have up to 0.04, or as much as 0.3 mK.
     return white if white > 0.1 * once else 0.0
 
 

@@ -97,7 +97,7 @@ def set_errors(folds: Sequence[Fold], sets: Integers) -> Floats:
 def _squares_in_batches(learned: Floats, tested: Floats, sets: Integers, out: Floats) -> None:
     """Squared test error of each set, many sets at once."""
     m, both = learned.shape[1], np.vstack((learned.T, tested.T))
-    # Numbers worked on at a time: they stay in the cache
+    # As many numbers are worked on at a time as stay in the cache.
     size = max(1, (1 << 17) // ((sets.shape[1] + 1) * len(both)))
     for start in range(0, len(sets), size):
         columns = np.vstack((sets[start : start + size].T, np.full(len(sets[start : start + size]), -2)))

@@ -75,7 +75,7 @@ class Copies:
             name for name in effect.inputs() if name in pool.record.columns and name != pool.record.temperature_name
         ]
         records, columns = moved(pool.record, names), []
-        # Rows of all copies that are walked through together
+        # As many copies are walked through together as make four million rows.
         while together := _columns_of(islice(records, max(1, (1 << 22) // pool.record.n_rows)), effect):
             columns += [pool.rows.weighed(part, out=part) for part in together]
         other, first = judged.copy(), len(judged.explanations)

@@ -449,7 +449,7 @@ class Pool:
         Q = orthonormal(self.own)
         left = self.reading - Q @ (Q.T @ self.reading)
         hidden = float(np.mean(left**2) - np.mean(self.coarse(left[:, None]) ** 2))
-        # White noise, of which averages hide the rest; third differences leave out what bends slowly
+        # White noise, of which averages hide the rest; third differences leave out what bends slowly.
         white = float(np.mean(np.diff(left, n=3) ** 2)) / 20
         hidden += white * (float(np.median(self.data.counts)) - 1)
         return OutOfSample(self.coarse(self.reading[:, None])[:, 0], self.coarse(self.own), max(hidden, 0.0))

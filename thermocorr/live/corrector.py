@@ -314,7 +314,7 @@ class OnlineCorrector:
         for low, high, run in stretches(runs, len(stamps)):
             at = low
             while at < high:
-                # Rows of one block at most
+                # A block has 65 536 rows at most.
                 ahead = stamps[at : min(at + (1 << 16), high)]
                 n_sure = 0 if self._doubt is not None else self._stream.next_doubt(ahead, run)
                 stop = at + max(n_sure, 1)

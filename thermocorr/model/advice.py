@@ -373,8 +373,8 @@ def _against_copies(record: Record, degree: int, levels: tuple[float, ...]) -> f
     least, falls, alike = known.least(*own), list[float](), list[float]()
     for copy in map(laws, moved(short, [short.temperature_name])):
         fall = float(10 * np.log10(known.least(*copy) / least))
-        # Share of the temperature's variance above which laws of a copy reproduce it, and the copy proves nothing
-        # unless it does worse. Without this, none of 20 exact daily cycles but one is corrected.
+        # A copy whose laws reproduce three quarters of the temperature's variance proves nothing unless it does worse.
+        # Without this, none of 20 exact daily cycles but one is corrected.
         (falls if _explained(np.column_stack(copy), own[0][:, 0]) <= 0.75 else alike).append(fall)
     if falls:
         return min(falls)

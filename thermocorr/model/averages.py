@@ -191,8 +191,8 @@ class Binning:
 
     def __init__(self, record: Record, width: int):
         self.whole = record.n_used <= HISTORY_ROWS
-        # Bins of a longer record, whose columns must be averaged while it is at hand
-        # Bins of a record that its history keeps whole; noise that forgets within a bin is taken for white there
+        # A longer record has fewer bins, whose columns must be averaged while it is at hand; noise that forgets within
+        # a bin is taken for white there.
         self.width = max(1, -(-record.n_used // ((1 << 13) if self.whole else (1 << 12))))
         sizes = [-(-(segment.stop - segment.start) // self.width) for segment in record.segments]
         self.first = np.cumsum([0, *sizes])

@@ -139,7 +139,7 @@ class Budget:
 
     def _cells(self, line: BudgetLine) -> tuple[str, ...]:
         total = self.u**2 or 1.0
-        # Degrees of freedom at which they are printed as infinite: k differs by 0.1 % then
+        # More than a thousand degrees of freedom are printed as infinite: k differs by 0.1 % then.
         return (
             line.quantity,
             "" if np.isnan(line.estimate) else f"{line.estimate:.9g}",

@@ -235,7 +235,7 @@ def _is_ambient(low: float, high: float) -> bool:
 
 
 def _near(value: float, low: float, high: float) -> bool:
-    # So far beyond the fitted range, and by as much as that is wide, a temperature may be one of the same unit
+    # A temperature beyond the fitted range by 10 degrees, or by as much as the range is wide, may be in the same unit.
     reach = max(10.0, high - low)
     return low - reach <= value <= high + reach
 
@@ -271,7 +271,7 @@ def _check_median(median: float, thermometer: Any, low: float, high: float) -> N
             f"The temperature is about {median:.6g} here and was {low:.6g} to {high:.6g} in the fitted record: "
             f"that looks like {said}. Convert {quoted(thermometer)} first."
         )
-    # Temperatures so far beyond the fitted ones, that are among them if they are degF, may be so [K]
+    # A temperature that would be among the fitted ones in degF, and is so far beyond them as it stands, may be in degF.
     if low <= (median - 32.0) / 1.8 <= high and median > high + span + 10.0:
         warn(
             f"The temperature is about {median:.4g} here and was {low:.4g} to {high:.4g} in the fitted record: if "

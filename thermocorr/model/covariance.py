@@ -69,8 +69,8 @@ class BandSums:
     """
 
     def __init__(self, columns: np.ndarray, reading: np.ndarray, span: np.ndarray, groups: Sequence[np.ndarray] = ()):
-        # Longest correlation time, as a share of the record: random walks are slower than any. Readings in a random
-        # walk are covered in 93, 99, 100 % with 0.5, 1, 2; where the noise remembers a quarter of the record they are
+        # No part remembers longer than the record: random walks are slower than any. Readings in a random walk are
+        # covered in 93, 99, 100 % with 0.5, 1, 2 of it; where the noise remembers a quarter of the record they are
         # stated 1.0 times as uncertain as they are with 0.5, 1.4 times with 2 (time constants given): `python
         # benchmarks/interval_coverage.py --first 600 --seeds 24`.
         self.bands = Bands(span, 1.0)
@@ -136,13 +136,12 @@ class BandSums:
 
     def settle(self) -> BandSums:
         """Noise and priors with all parts free."""
-        # Most rounds of coefficients, noise and priors with all parts free, before the models are averaged
+        # Coefficients, noise and priors are estimated in turn, all parts free, before the models are averaged.
         for _ in range(8):
             before = np.concatenate((self.parts @ self.theta, self.scales))
             self.turn(averaged=False)
-            # Change of the noise's power in any band, and of the priors, from one round to the next, below which no
-            # more follows. It moves uncertainties by less than 0.13 % on the average of twelve records, in each of
-            # eleven kinds of noise.
+            # A change of 1 % ends the rounds: it moves uncertainties by less than 0.13 % on the average of twelve
+            # records, in each of eleven kinds of noise.
             if np.abs(np.concatenate((self.parts @ self.theta, self.scales)) / before - 1).max() < 0.01:
                 break
         return self
@@ -161,7 +160,7 @@ class BandSums:
 
     def estimate(self, seed: int = 0) -> Restricted:
         """The answer; `seed` is that of its draws."""
-        # Rounds with the average
+        # Three more rounds are made with the average.
         for _ in range(3):
             self.turn(averaged=True)
         coef, V = self.solved()
@@ -186,8 +185,8 @@ class AveragedModels:
 
     def __init__(self, parts: np.ndarray):
         k = parts.shape[1] - 1
-        # Mixed kinds of wandering: variances of the parts go with this power of their correlation time; 0 is flicker
-        # noise
+        # Mixed kinds of wandering: the variances of the parts go with a power of their correlation time; 0 is flicker
+        # noise.
         weights = [RATIO ** (slope * np.arange(k)) for slope in (-0.5, 0.0, 0.5)]
         kinds = np.column_stack((np.eye(k), *(each / each.sum() for each in weights)))
         powers = (parts[:, 1:] @ kinds).T
@@ -201,13 +200,13 @@ class AveragedModels:
 
         A second call goes on from what the first has found.
         """
-        # Multiplicative updates of a model's variances. With twice as many, uncertainties change by 0.4 to 1.2 % on the
-        # average (six records of each of six kinds of noise), and cost a fifth more.
+        # Forty multiplicative updates of a model's variances: with twice as many, uncertainties change by 0.4 to 1.2 %
+        # on the average (six records of each of six kinds of noise), and cost a fifth more.
         total, rounds = float(power.sum() / share.sum()), 40
         if self.theta is None:
             self.theta = np.full((len(self.shapes), 3), total) * [0.5, 0.25, 0.25]
         else:
-            # Further ones, for a slightly different record
+            # Fewer updates do for a slightly different record.
             rounds = 15
         for _ in range(rounds):
             S = np.matmul(self.theta[:, None], self.shapes)[:, 0]
@@ -345,7 +344,7 @@ def _spectrum(model: Any) -> tuple[np.ndarray, float]:
     span = record.longest_read()
     slowest = max(taus.max(initial=0.0) for taus in (choice.time_constants, *choice.further.values()))
     usual = SPECTRUM_SHARE * span
-    # Where slower ones were chosen: the slowest body that may be there is this many times slower than any of them
+    # Where slower ones were chosen, a body may be there that is 1.3 times slower than any of them.
     return np.unique(choice.grid[choice.grid <= max(usual, 1.3 * slowest)]), usual
 
 

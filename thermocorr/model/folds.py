@@ -57,8 +57,7 @@ class LagColumns:
         fitted, many = features.initial_state == "fit", bool(further) or len(record.segments) > MOST_SEGMENTS
         transient = InitialTransient(taus, DECAY_SHARE if fitted and not many else 0.0)
         span = record.longest_read()
-        # How many: decays of neighbouring time constants are much alike
-        # The fastest of them, in sampling steps
+        # Decays of neighbouring time constants are much alike: four do, the fastest of two sampling steps.
         few = np.geomspace(2.0 * record.usual_step(), max(span, record.usual_step()), 4)
         starts = InitialTransient(few.tolist(), DECAY_SHARE if fitted and many else 0.0)
         for effect in (lag, *further, transient, starts):
@@ -160,7 +159,7 @@ def folds_in_time(record: Record, cv: Any = 5) -> TimeFolds:
     tested rows that close`. `behind the start of a run of which nothing was learned.`.
     """
     if isinstance(cv, Integral) and not isinstance(cv, bool):
-        # Washout between training and test, as a share of the record
+        # A hundredth of the record is left out between training and test, as washout.
         gap = round(0.01 * record.longest_read() / record.usual_step())
         pairs = [_washed(record, learned, tested, gap) for learned, tested in _forward(record, int(cv))]
     else:

@@ -45,10 +45,10 @@ def evenness(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     close = pd.Series(_nearby(whole**2, CLOSE)).rolling(CLOSE, center=True, min_periods=1).max()  # up to its edges
     bursts = np.sqrt(np.maximum(_nearby(whole**2), close.to_numpy()))
     loud = bursts > BURST * usual
-    # Largest over smallest size of the noise (95 % and 5 %), above which rows are weighted by it
+    # Rows are weighted by their noise where it changes by more than a factor of two (95 % over 5 %).
     if not (high > 2.0 * low or loud.any()):
         return np.ones(len(residual))
-    # Most that a weight exceeds 1: where a quantised reading rests, its noise is not known to be smaller
+    # No weight exceeds 10: where a quantised reading rests, its noise is not known to be smaller.
     return np.asarray(1 / np.maximum(np.where(loud, bursts, size) / usual, 1 / 10.0))
 
 

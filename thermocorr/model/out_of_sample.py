@@ -338,9 +338,8 @@ class _Tested(NamedTuple):
 
 def _scale(variance: np.ndarray, square: np.ndarray) -> np.ndarray:
     """One over the standard deviation of columns, or 0."""
-    # Variance of a column over its mean square, at which its coefficient is learned: a variance is a difference of
-    # sums with sixteen digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive
-    # definite.
+    # The coefficient of a column that varies less is not learned: a variance is a difference of sums with sixteen
+    # digits, and its rounding has to stay far below `RIDGE`. At 1e-11 a matrix was not positive definite.
     alive = variance > 1e-8 * np.maximum(square, 1e-300)
     return np.where(alive, 1 / np.sqrt(np.where(alive, variance, 1.0)), 0.0)
 
@@ -358,7 +357,7 @@ def time_blocks(reading: np.ndarray, n_blocks: int) -> list[slice]:
     """
     first, stop = where_read(reading, len(reading), slice)
     n_rows = stop - first
-    # Rows below which a block of time says nothing
+    # A block of fewer than eight rows says nothing.
     count = min(n_blocks, max(n_rows // 8, 2))
     return [slice(first + low, first + high) for low, high in pairwise(n_rows * k // count for k in range(count + 1))]
 

@@ -253,7 +253,7 @@ class Reading:
 
 def unit_by_size(low: float) -> str:
     """The unit of temperatures that have none named."""
-    # Temperatures of no unit that are all above it are taken for kelvin, others for degC
+    # Temperatures without a unit that are all above 150 are taken as kelvin, others as degC.
     return "K" if low > 150.0 else "degC"
 
 
@@ -304,7 +304,7 @@ def check_corrected(fitted: Reading, corrected: np.ndarray, given: Any, expected
     (n_rows,)): Readings before the correction. `expected` (tuple of float): Levels that corrected readings may have
     for a reason of their own.
     """
-    # Standard deviations from the mean of the fitted readings within which a corrected reading is usual
+    # A corrected reading is usual within ten standard deviations of the fitted ones.
     usual = 10.0 * fitted.std
     levels = (fitted.mean - usual, fitted.mean + usual, *expected)
     ends = np.fmin.reduce(corrected, initial=np.inf), np.fmax.reduce(corrected, initial=-np.inf)

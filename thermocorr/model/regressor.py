@@ -226,7 +226,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
     def _knows_highest_power(self) -> bool:
         """True if the highest power's coefficient is clearly not zero."""
         errors = standard_errors(self._swept, self._solution, self.alpha_)
-        # Standard errors from zero at which a power stays in the law though the temperatures hardly determine it
+        # A power that the temperatures hardly determine stays in the law if it is three standard errors from zero.
         return bool(abs(self._solution.coef[self.degree - 1]) > 3.0 * errors[self.degree])
 
     def _learn(self, reader: DiffusiveFeatures, record: Record, reading: Reading) -> Record:
@@ -367,7 +367,7 @@ class DynamicBiasRegressor(SignedModel, RegressorMixin, EffectsParameters, BaseE
         self._swept, self._solution = swept, swept.solution(self.alpha_)
         ridge = MergedRidge(self.alpha_).take(self._solution, swept.reading_offset)
         self.pipeline_ = Pipeline([("features", features), ("ridge", ridge)])
-        # An unknown start is felt for this many of the longest time constant: 5 % of it is left then
+        # An unknown start is felt for three of the longest time constant: 5 % of it is left then.
         self.washout_ = 3.0 * features.memory()
 
     def _learn_levels(self, record: Record) -> None:

@@ -87,7 +87,7 @@ def _at_set_points(record: Record, runs: Sequence[_Run]) -> str:
         own = np.asarray(temperature[record.kept(run.first, run.stop)], float)
         squares += len(own) * float(np.var(own)) if len(own) else 0.0
     known = record.moments(record.temperature_name)
-    # Share of the temperature's standard deviation below which the runs by themselves hardly tell the static law
+    # Runs within which the temperature moves by less than three tenths of its spread hardly show the static law.
     if squares > 0.3**2 * known.n * known.std**2:
         return ""
     return (

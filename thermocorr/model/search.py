@@ -219,9 +219,9 @@ def _with_fast_ones(members: Set, factored: Factored, cross: CrossValidation, al
     Only fast ones: any stretch of a record has seen many of their lives, and forecasts are safe.
     """
     grid = factored.layout.grid
-    # Time constants up to this share of the record are fast: any stretch has seen many of their lives
+    # Any stretch has seen many lives of time constants up to a 200th of the record.
     fast = [i for i in range(len(grid)) if grid[i] <= (1 / 200) * factored.layout.span]
-    # Fast time constants that may join the projected ones
+    # Up to three fast time constants may join the projected ones.
     for _ in range(3):
         now = cross.score_sets([members], alpha)[0]
         more = [tuple(sorted((*members, i))) for i in fast if i not in members]
@@ -245,7 +245,7 @@ def _without_idle_ones(members: Set, factored: Factored, alpha: float) -> Set:
     layout = factored.layout
     if factored.columns.starts.decays_:
         return members
-    # Time constants above this share of the record are slow
+    # Time constants above a fiftieth of the record are slow.
     slow = [i for i in members if layout.grid[i] > (1 / 50) * layout.span]
 
     def left(some: Set) -> float:
@@ -268,7 +268,7 @@ def _by_cross_validation(
 ) -> TimeConstantChoice:
     """Set and penalty with the least error on unseen stretches."""
     n = factored.reading.n_readings
-    # Ridge penalties that are tried when none are given, per reading
+    # Ridge penalties per reading, where none are given:
     alphas = sorted(
         [alpha * n for alpha in (0.0, 1e-8, 1e-6, 1e-4)]
         if isinstance(settings.alphas, str)
@@ -283,7 +283,7 @@ def _by_cross_validation(
         best = _best_of_each_size(cross, sets, alphas)
     else:
         candidates = list(range(len(grid)))
-        # Most time constants that cross-validation tries
+        # Cross-validation tries up to six time constants.
         most = settings.count or 6
         exhaustive = count_sets(len(grid), most) <= EXHAUSTIVE_LIMIT
         path = (cross.exhaustive if exhaustive else cross.greedy)(candidates, most, alphas[0])
@@ -594,7 +594,7 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
     """Move the time constants to the least residual."""
     for _ in range(8):
         there = None
-        # Dampings of a step, relative to the sensitivities; the next is tried where one makes the fit worse
+        # Where one damping, relative to the sensitivities, makes the fit worse, the next is tried.
         for damping in (0.003, 0.03, 0.3):
             step = here.step(alpha, damping)
             if np.abs(step).max(initial=0.0) < CONVERGED:
@@ -609,7 +609,7 @@ def moved_to_best(here: Sensitivity, alpha: float) -> Sensitivity:
             break
         gain = 1 - there.residual_sum_of_squares / here.residual_sum_of_squares
         here = there
-        # Relative gain of the residual sum of squares below which nothing is moved any more
+        # Nothing is moved for a relative gain below 1e-6 of the residual sum of squares.
         if gain < 1e-6:
             break
     return here

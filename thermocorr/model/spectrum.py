@@ -97,7 +97,7 @@ class GridRidge:
 def log_grid(usual_step: float, span: float, size: int = POOL_SIZE) -> np.ndarray:
     """Time constants from below one step to the record's length [s]."""
     low = 2 * usual_step
-    # Fastest time constant of the pool, in sampling steps: a body that follows within a step still shows as a lag
+    # The fastest time constant is half a step: a body that follows within a step still shows as a lag.
     return np.append(0.5 * usual_step, np.geomspace(low, max(span, 2 * low), size - 1))
 
 
@@ -164,7 +164,7 @@ def forecast_errors(blocks: Sequence[TriangularFactor], layout: GridLayout) -> n
     for cut in sorted({max(1, round(cut / N_BLOCKS * n_blocks)) for cut in range(8, 17)}):
         learned.merge(*blocks[done:cut])
         done = cut
-        # Length of a forecast over that of its past: learn on 70 %, use on 30 %
+        # A forecast is to its past as 30 % to 70 %.
         future = [block for block in blocks[cut : cut + max(2, round((3 / 7) * cut))] if block.n_rows]
         if not future or learned.n_rows <= 2 * layout.n_free:
             continue
@@ -214,7 +214,7 @@ def project(
         return ordered[int(np.argmin(errors))], float(np.min(errors))
 
     candidates, chosen = layout.members(reference.ceiling).tolist(), tuple[int, ...]()
-    # Most time constants of one thermometer
+    # A thermometer has eight time constants at most.
     most = 8 * len(layout.deviations)
     for _ in range(min(count or most, len(candidates))):
         chosen = grown(chosen, candidates, best, -1e-12 * total)

@@ -28,9 +28,9 @@ def moved(record: Record, names: Collection[Any]) -> Iterator[Record]:
     rows = rows[np.logical_and.reduce([np.isfinite(column[rows]) for column in whole.values()])]
     every = len(rows) == record.n_rows  # the same numbers in another order
     stays = {of: moments for of, moments in record.known_moments.items() if every or of[0] not in names}
-    # Copies that a column is compared with
-    for k in range(1, 39 + 1):
-        # Multiples of this share of the record are spread evenly and meet no period
+    # A column is compared with 39 copies of it.
+    for k in range(1, 40):
+        # Multiples of the golden ratio are spread evenly and meet no period.
         move = round((LEAST_MOVED + (1 - 2 * LEAST_MOVED) * (k * ((5**0.5 - 1) / 2) % 1)) * len(rows))
         columns = {name: column.copy() for name, column in whole.items()}
         for column in columns.values():

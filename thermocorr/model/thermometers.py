@@ -243,8 +243,8 @@ def _noise_of(record: Record, name: Any) -> float:
 def resolution_of(parts: Sequence[np.ndarray]) -> float:
     """Step of an instrument; 0 where it shows none."""
     still = sum(int(np.count_nonzero(np.diff(part) == 0)) for part in parts)
-    # Share of rows that read what the row before read, at which the steps of a thermometer are seen as such: where it
-    # moves by several steps a row, they are noise like any other
+    # A thermometer's steps are seen as such where half of the rows read what the row before read: where it moves by
+    # several steps a row, they are noise like any other.
     if still < 0.5 * sum(max(len(part) - 1, 0) for part in parts):
         return 0.0
     levels = np.unique(np.concatenate(parts))
@@ -252,7 +252,7 @@ def resolution_of(parts: Sequence[np.ndarray]) -> float:
         return 0.0
     step = float(np.diff(levels).min())
     off = (levels - levels[0]) / step
-    # Relative distance within which values lie on a grid of steps: those of decimal fractions in single precision
+    # Decimal fractions in single precision lie on a grid of steps to 1e-6.
     on_grid = np.abs(off - np.rint(off)) <= 1e-6 * np.abs(levels).max() / step
     return step if on_grid.all() else 0.0
 

@@ -199,8 +199,7 @@ def _mean_correlation(steps: np.ndarray, correlation_time: float) -> float:
         return 1 / n
     with np.errstate(under="ignore"):
         kept = np.exp(-steps / correlation_time)
-    # Largest spread of steps, as a share of one, that counts as equal
-    # Correlation of neighbours, less than one by this, at which the series' sum would lose its digits
+    # Steps equal to 1e-9, and neighbours whose correlation leaves the series' sum its digits:
     if np.ptp(steps) <= 1e-9 * steps[0] and kept[0] < 1 - 1e-5:  # a geometric series
         k = float(kept[0])
         return float((n + 2 * k * (n - 1 - n * k + k**n) / (1 - k) ** 2) / n**2)
@@ -307,14 +306,14 @@ def _noise(basis: Basis, scaled: ScaledBasis, sums: BandSums, found: Restricted,
     if rows > 1:
         white = max(within, 0.0) / scaled.unit**2 * rows / (rows - 1) or white
     memory = rows * float(theta[0]) / white
-    # Variance of a bin's mean over that of white noise, at which the noise within bins is taken to remember
+    # Where the variance of a bin's mean exceeds that of white noise by a fifth, the noise within bins remembers.
     kept = (memory - 1) / (memory + 1) if memory > 1.2 else 0.0
     wander, spread = theta[1:], float(covariance[1:, 1:].sum())
     times, total = basis.bin_seconds() * sums.times, float(wander.sum())
     dof = 2 * total**2 / spread if spread > 0 else np.inf  # as long as the correlation times are right
     if total > 0:
         dof = min(dof, max(PER_MEMORY, PER_MEMORY * float(np.ptp(basis.begins)) * total / float(wander @ times)))
-    # Moments at which the size of a noise that changes with time is kept
+    # The size of a noise that changes with time is kept at 200 moments.
     at: np.ndarray = np.unique(np.linspace(0, len(scaled.size) - 1, 200).astype(int))
     at = np.argsort(basis.begins, kind="stable")[at]  # runs may be interleaved
     at = at[:0] if np.ptp(scaled.size) == 0 else at
@@ -341,7 +340,7 @@ def sensor_variance(model: Any, record: Record, sensor: Sensor) -> tuple[np.ndar
     if not (sensor.offset or sensor.own_noise or sensor.time_constant):
         return fixed, own
     low, high = model.reading_.temperature_range
-    # Temperature by which the bias is differentiated, as a share of the fitted range: far above rounding
+    # The bias is differentiated over a share of the fitted range far above rounding.
     h = 1e-4 * (high - low)
     kelvin = 1.8 if difference_unit(model.reading_.temperature_unit) == "degF" else 1.0
     slope = kelvin * _moved(model, record, np.full(n, h), since_learning=True) / h

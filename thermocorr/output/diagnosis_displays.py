@@ -86,7 +86,6 @@ class WhereDisplay(Display):
         ax.set_title(low if low == high else f"{low} to {high}", loc="right", color=VERMILION)
         ax.set_xlim(0, len(strip))
         ax.set_ylim(0, highest)
-        # Letters of a condition's name on one line
         ax.set_title(wrapped(self._name(strip.iloc[0]), 26, 2), loc="left")
         ax.grid(False, axis="x")
 
@@ -218,7 +217,7 @@ class SuspectsDisplay(Display):
         falls = frame["later_db"].fillna(frame["gain_db"])  # a jump at the end has no later data
         gains = falls.clip(lower=0.0)
         only.barh(range(len(frame)), gains, color=[BLUE if sure else PALE for sure in certain], height=0.62)
-        # Shortest length of the axis of gains [dB], so that small gains look small
+        # The axis of gains is at least 0.5 dB long, so that small gains look small.
         reach = max(float(gains.max()), 0.5)
         for row, suspect in enumerate(each_row(frame)):
             text = f"p-value {probability_text(suspect.p_value)}"
@@ -227,7 +226,7 @@ class SuspectsDisplay(Display):
             text += f", takes away {suspect.share:.0%}" if falls.iloc[row] > 0 else ", no gain"
             if len(suspect.confusable_with):
                 others = ", ".join(suspect.confusable_with)
-                # Letters next to a bar; `frame` has everything
+                # `frame` has all that is cut off here.
                 text += "\n" + textwrap.shorten(f"not distinguishable from {others}", 58, placeholder=" ...")
             colour = TEXT if certain.iloc[row] else SOFT
             only.text(float(gains.iloc[row]) + 0.015 * reach, row, text, va="center", linespacing=1.1, color=colour)

@@ -223,7 +223,7 @@ def _columns(fitted: Any, effects: list[Effect], times: np.ndarray, step: float)
 
     The effects' own columns, on a record of the step: eqs. (3) (19) (25) stand where they stand.
     """
-    # Length of the step, as a share of the first time drawn
+    # The step itself lasts for a millionth of the first time drawn.
     instant = 1e-6 * times[0]
     T0 = fitted.reference_temperature_
     seconds = np.concatenate(([0.0, instant], instant + times))

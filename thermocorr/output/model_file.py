@@ -235,7 +235,7 @@ def load(path: str | os.PathLike[str], *, allow_imports: Collection[str] = ()) -
     except OSError as error:
         raise ModelFileError(f"{path} cannot be read: {error.strerror}. Check its name and folder.") from None
     except ModelFileError as error:
-        # Characters of what is said about a file's content, which may be anything
+        # What a file's content says may be anything: it is cut.
         found = textwrap.shorten(str(error), 400, placeholder=" ...")
         raise type(error)(f"{path} is no model that can be loaded: {found}. {error.remedy}") from None
 

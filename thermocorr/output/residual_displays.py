@@ -347,9 +347,8 @@ def added_noise_shown(display: AllanDisplay, model: Any, X: Any) -> str:
     before, after = display.before, display.after
     n = min(len(before.deviation), len(after.deviation))
     ratio = after.deviation[:n] / np.maximum(before.deviation[:n], 1e-300)
-    # Allan deviation after over before, at which the correction adds noise: ten per cent of the variance
-    # Degrees of freedom at which the two are compared: their ratio is known far better than either, since they share
-    # their noise
+    # A correction that raises the Allan deviation by 5 % adds noise. The ratio is known far better than either
+    # deviation, since they share their noise: thirty degrees of freedom do.
     worse = (ratio > 1.05) & (np.minimum(before.degrees_of_freedom, after.degrees_of_freedom)[:n] >= 30)
     if not worse.any():
         return ""
@@ -490,5 +489,5 @@ def cell_length(record: Record) -> float:
     rows = record.rows(longest.start, min(longest.stop, longest.start + LOOKED_AT))
     steps = record.times.steps(rows)[1:]
     usual, wide = record.usual_step(), float(np.quantile(steps, 0.9)) if len(steps) else 0.0
-    # Step that nine in ten do not exceed, over the usual one, above which steps differ much
+    # Steps differ much where one in ten exceeds the usual one by half.
     return wide if wide > 1.5 * usual else usual

@@ -56,14 +56,14 @@ def ends_text(row: Any, span: float = 0.0) -> tuple[str, str]:
     if row.unit == "date":
         low, high = (pd.Timestamp(value, unit="s").round("s") for value in (row.low, row.high))
         if span:
-            # Span of a record above which dates are written with their year [s]
+            # Dates of records longer than 200 days are written with their year.
             form = "%d %b %Y" if span > (200 * 86_400.0) else "%d %b %H:%M"
             return low.strftime(form), high.strftime(form)
         return str(low), str(high).removeprefix(f"{low:%Y-%m-%d} ")
     if row.unit == "s":
         first, last = span_texts((row.low, row.high))
         return first, last
-    # Share of the other end of a range, below which an end is the rounding of 0
+    # An end smaller than 1e-9 of the other is the rounding of 0.
     size = 1e-9 * max(abs(row.low), abs(row.high))
     least, most = (f"{0.0 if abs(end) < size else end:.4g}".replace("-", MINUS) for end in (row.low, row.high))
     return least, most
@@ -324,7 +324,7 @@ def thermometer_sentences(left: Any, scale: Scale) -> list[str]:
                 f"About as much, {scale.text(row.wandering)}, comes from {whose}. A finer "
                 "thermometer, or the mean of several of its readings, would lower it."
             )
-        # Relative error of a static gain that is worth a word
+        # An error of the static gain of 0.2 % is worth a word.
         if abs(row.gain_error) >= 0.002:
             about = f"about {100 * float(f'{abs(row.gain_error):.1g}'):g}%"
             gain = f"is {about} too {'small' if row.gain_error < 0 else 'large'}"

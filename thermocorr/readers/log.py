@@ -436,7 +436,7 @@ def as_runs(tables: list[pd.DataFrame], paths: list[str], said: Options) -> pd.D
     steps = np.concatenate([np.diff(as_seconds(table.index)) for table in tables])
     ends = np.array([as_seconds(b.index[:1])[0] - as_seconds(a.index[-1:])[0] for a, b in pairwise(order)])
     timed = not any(isinstance(table.index, pd.RangeIndex) for table in tables)
-    # Steps of a log after which, at most, the next file of the same logger begins
+    # The next file of the same logger begins within ten steps of a log.
     if timed and said.run != RUN and len(steps) and (ends > 0).all() and (ends <= 10.0 * np.median(steps)).all():
         words = f"{len(tables)} files that follow on one another, one log"
         return _of_several(pd.concat(order), tables, first.attrs["form"], words)

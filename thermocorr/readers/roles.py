@@ -185,7 +185,7 @@ def _closest(frame: pd.DataFrame, names: Sequence[str], reference: str) -> str:
 def _moving(frame: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Thermometers that move; set points do not."""
     moved = {name: float(np.sum(np.abs(np.diff(_values(frame[name]))) > 0)) for name in names}
-    # Share of the steps of the liveliest thermometer in which another one moves, at most, if it is a set point
+    # What moves in less than a tenth of the steps of the liveliest thermometer is a set point.
     return [name for name in names if moved[name] > 0.1 * max(moved.values(), default=0.0)] or list(names)
 
 

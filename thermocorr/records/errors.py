@@ -40,7 +40,7 @@ def printable(text: object, kept: str = "") -> str:
 
 def _steers(character: str) -> bool:
     category = unicodedata.category(character)
-    # Categories of the separators of lines and paragraphs: they end a line as a newline does
+    # Separators of lines and paragraphs end a line as a newline does.
     return category.startswith("C") or category in ("Zl", "Zp")
 
 

@@ -77,7 +77,7 @@ class Motion:
     @property
     def longest_rest(self) -> float:
         """The longest that it may stand still [s]."""
-        # Usual steps that an input may stand still in any case
+        # An input may stand still for three usual steps in any case.
         return MARGIN * self.rest + 3.0 * self.step
 
 
@@ -294,7 +294,7 @@ class Doubt:
     """
 
     def __init__(self, inputs: int, deviation: float, memory: float):
-        # Two courses of the inputs agree that differ by less than this share of the residuals' deviation
+        # Two courses of the inputs agree that differ by less than a millionth of the residuals' deviation.
         self.inputs, self.agrees, self.memory = inputs, 1e-6 * deviation, memory
         self.put()
 

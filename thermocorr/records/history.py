@@ -48,9 +48,9 @@ class Gaps:
         """Learn how columns wander up to the `longest` time [s]."""
         usual = record.usual_step()
         if longest is None:
-            # Share of the longest segment over which changes are looked at, where no longest gap is known
+            # Where no longest gap is known, changes are looked at over a third of the longest segment.
             longest = (1 / 3) * record.duration(record.longest())
-        # Times over which changes are looked at, evenly spaced on a logarithmic scale
+        # Changes are looked at over 25 times, evenly spaced on a logarithmic scale.
         counts = np.unique(np.geomspace(1, max(longest / usual, 2.0), 25).astype(int))
         sums, sizes = np.zeros((len(columns), len(counts))), np.zeros(len(counts))
         for segment in record.segments:
@@ -60,8 +60,7 @@ class Gaps:
             steps[:1] = 0.0
             elapsed = np.cumsum(steps)
             for i, k in enumerate(counts.tolist()):
-                # Share by which as many uneven steps may last longer, or less, than as many usual ones, to be compared
-                # with them
+                # Uneven steps are compared with as many usual ones if they last as long to 30 %.
                 like = np.abs(elapsed[k:] - elapsed[:-k] - k * usual) <= 0.3 * k * usual
                 sums[:, i] += [np.square(column[k:] - column[:-k])[like].sum() for column in values]
                 sizes[i] += np.count_nonzero(like)
@@ -93,8 +92,8 @@ def least_gap(record: Record, usual_step: float, stride: int = 1) -> float:
     if _is_even(record):
         return GAP * usual_step
     some = next(record.blocks()).steps[1:]
-    # Share of the steps, in the first some thousand, that are none: a log that is written on changes has long steps all
-    # the time, in which the temperature is known to have stood still
+    # A log that is written on changes has long steps all the time, in which the temperature is known to have stood
+    # still: one in twenty of its first steps may be longer.
     return max(GAP * usual_step, float(np.quantile(some, 0.95)) / stride if len(some) else 0.0)
 
 
@@ -116,7 +115,7 @@ def gap_rows(block: Block, least: float) -> np.ndarray:
 def _is_even(record: Record) -> bool:
     """True if all steps are known to be equal."""
     usual = record.usual_step()
-    # Share of a segment's length by which as many usual steps may differ from it: rounding
+    # A segment's length differs from as many usual steps by rounding alone.
     return not len(record.skipped) and all(
         record.duration(segment) <= (segment.n_rows - 1) * usual * (1 + 1e-9) for segment in record.segments
     )
@@ -417,7 +416,7 @@ class History:
         high = bisect_right(range(end), last, begin, key=kept.stamp)
         sides = (kept, low, high), (record, segment.start, segment.stop)
         (one, start, stop), (other, at, until) = sorted(sides, key=lambda side: side[2] - side[1])
-        # Rows of one time that are compared, to tell a fitted record from another log by the same clock
+        # Sixteen rows of one time are compared, to distinguish a fitted record from another log by the same clock.
         met, equal, steps = 0, 0, max(16 // len(record.segments), 3) - 1
         for k in sorted({start + (stop - 1 - start) * i // steps for i in range(steps + 1)}) if stop > start else ():
             place = bisect_left(range(until), one.stamp(k), at, key=other.stamp)

@@ -39,7 +39,7 @@ def as_pandas(X: Any) -> Any:
     if package == "polars":
         X = X.collect() if type(X).__name__ == "LazyFrame" else X
         return _from_polars(X) if type(X).__name__ == "DataFrame" else X
-    # Packages whose tables narwhals reads
+    # narwhals reads the tables of these packages.
     if package not in ("pyarrow", "duckdb", "modin", "ibis", "cudf", "pyspark", "sqlframe"):
         return X
     try:
@@ -353,7 +353,7 @@ def prefixed(unit: str) -> tuple[Prefixed, ...]:
     """A unit with each of its prefixes, the smallest first."""
     head, rest = _head(unit)
     prefix, bare = prefix_and_unit(head)
-    # What may follow a unit with a prefix: m/s, but not m3 nor V^2
+    # A unit with a prefix may be followed by m/s and the like, but not by m3 nor V^2.
     if bare not in _LARGEST or rest[:1] not in ("", " ", "/", "*", "\u00b7"):
         return ()
     own = _POWERS[prefix]
@@ -366,7 +366,7 @@ def prefixed(unit: str) -> tuple[Prefixed, ...]:
 
 def prefix_and_unit(unit: str) -> tuple[str, str]:
     """Prefix of a unit, and its rest: ``("m", "V")``."""
-    # What only looks as if it had a prefix
+    # Some units only look as if they had a prefix.
     if unit not in _LARGEST and unit != "pH" and unit[:1] in _POWERS and unit[1:] in _LARGEST:
         return unit[:1], unit[1:]
     return "", unit
@@ -408,7 +408,7 @@ def span_texts(seconds: Iterable[float], digits: int = 3) -> list[str]:
     given = [float(value) for value in seconds]
     sizes = [abs(value) for value in given if math.isfinite(value) and value]
     scale = _span_scale(min(sizes, default=0.0), digits)
-    # So many of the unit of the shortest time span are written in a longer one
+    # Above a thousand of the unit of the shortest time span, longer units are used.
     if scale.factor * max(sizes, default=0.0) > 1000.0:
         return [span_text(value, digits) for value in given]
     return _told_apart(given, scale, digits)
@@ -429,7 +429,7 @@ def _span_scale(seconds: float, digits: int) -> Scale:
 def _told_apart(values: list[float], scale: Scale, digits: int) -> list[str]:
     """Numbers with digits that tell different ones apart."""
     different = {value for value in values if math.isfinite(value)}
-    # Digits at most that are added to tell numbers apart
+    # Up to four digits are added to distinguish numbers.
     enough = (n for n in range(digits, digits + 4) if len({scale.text(v, n) for v in different}) == len(different))
     digits = next(enough, digits)
     return [scale.text(value, digits) for value in values]

@@ -113,7 +113,7 @@ def check_order(record: Record, layout: Layout) -> None:
     RecordError says what to do.
     """
     segment = record.longest()
-    # Rows of a record without times that show whether they have an order
+    # Fifty rows of a record without times show whether they have an order.
     if layout.sampling_period is None or record.times.kind != "rows" or segment.n_rows < 50:
         return
     rows = record.kept(segment.start, min(segment.stop, segment.start + _CHUNK))
@@ -140,7 +140,7 @@ def check_max_gap(record: Record, layout: Layout) -> None:
     parts = [record.kept_places(start, min(stop, start + _CHUNK)) for start, stop, _ in record.segments[:_CHUNK]]
     steps = record.times.steps(record.rows_at(np.concatenate(parts)[:_CHUNK]))[1:]
     steps = steps[steps > 0]
-    # Share of the steps that are longer than `max_gap`, at which rows stand alone and nothing can be learned
+    # Where nine tenths of the steps are longer than `max_gap`, rows stand alone and nothing can be learned.
     if len(steps) and (steps > most).mean() >= 0.9:
         usual = float(np.median(steps))
         raise ValueError(
@@ -322,7 +322,7 @@ def _check_steps(
             continue
         bad = inside & (steps <= 0)
         if bad.any():
-            # Share of the steps that go back in time, at which the rows have no order: shuffled ones have half
+            # Rows of which a fifth of the steps go back in time have no order: shuffled ones have half.
             shuffled = bad.sum() > 0.2 * inside.sum() and not bad.all()
             usual = float(np.median(steps[inside & (steps > 0)])) if (inside & (steps > 0)).any() else 0.0
             _refuse_order(times, order, start + 1 + int(bad.argmax()), layout, shuffled, usual)
@@ -435,8 +435,7 @@ def refuse_labels_of_rows(labels: pd.Series[Any], column: object) -> None:
         count = labels.nunique()
     except (TypeError, ArithmeticError, ValueError):  # what can be no label: the record says so
         return
-    # Rows of a run, on average, below which labels are no labels of runs: something else is in their column
-    # So many runs may be as short as they are
+    # More than twenty runs of fewer than eight rows on average are no runs: something else is in their column.
     if count > 20 and len(labels) < 8 * count:
         raise RecordError(
             f"{quoted(column)} has {count} different values in {len(labels)} rows: each run needs many rows. Is it the "

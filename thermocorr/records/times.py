@@ -39,7 +39,7 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
     `numbers` (array of shape (n_rows,)). `where` (str): What they are, in words. `first_row` (int): Number of the
     first of them in its log.
     """
-    # Times that are judged together at least: a single one, of a sample that just came, may be damaged
+    # A single time, of a sample that just came, may be damaged: three are judged together.
     if len(numbers) < 3:
         return
     begins = f"{where} is {numbers[0]:.0f} in row {first_row}, and so on:"
@@ -353,7 +353,7 @@ def steps_back_an_hour(back: float, usual: float) -> bool:
 
     `back`, `usual` (float): The step back, positive, and the usual step between rows [s].
     """
-    # How far clocks are put back when summer time ends [s]: by half an hour on Lord Howe Island
+    # When summer time ends, clocks are put back by an hour, and by half an hour on Lord Howe Island.
     return any(
         back == hour - usual or (hour - 1.5 * usual <= back <= hour + 0.5 * usual and usual <= hour / 4)
         for hour in (3600.0, 1800.0)

@@ -218,6 +218,6 @@ def unit_told_by(value: float, units: tuple[OtherUnit, ...]) -> str:
 def first_median(record: Record, thermometer: Any) -> float:
     """Median of a temperature's first rows."""
     first = record.segments[0]
-    # Rows at most whose median tells the unit of a record
+    # The median of the first 65 536 rows shows the unit of a record.
     rows = record.kept(first.start, min(first.stop, first.start + (1 << 16)))
     return float(np.nanmedian(record.columns[thermometer][rows]))

@@ -417,7 +417,7 @@ class Story:
             self._steps[key] = found = self._fitted(key, acts)
             self._known.setdefault(key, {})["rms"] = _rms(_learned(found, found.curves))
         self._steps.move_to_end(key)
-        # Rows of all steps together, at which fewer are kept
+        # With three million rows of all steps together, fewer steps are kept.
         most = max(3, min(12, 3_000_000 // max(len(self.log.frame), 1)))
         for other in list(self._steps)[: max(len(self._steps) - most, 0)]:
             if other not in (key, self.key()):

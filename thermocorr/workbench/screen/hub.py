@@ -204,7 +204,7 @@ class Hub:
 
     def enter(self) -> asyncio.Queue[str]:
         """A page opens: its queue, with all it must know."""
-        # Messages for a page that does not read them, before it is let go
+        # A page that has not read 64 messages is let go.
         page: asyncio.Queue[str] = asyncio.Queue(64)
         self.pages.add(page)
         self.seen = True

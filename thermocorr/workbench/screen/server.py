@@ -101,7 +101,7 @@ class Guard:
         query = QueryParams(scope.get("query_string", b""))
         if "token" in query and scope["path"] == "/" and scope["method"] == "GET":
             return self._exchanged(query["token"], self._known(headers))
-        # What a browser says of where a request comes from, if it is this page or the address bar
+        # A browser says where a request comes from: this page, or the address bar.
         if headers.get("sec-fetch-site") not in (None, "same-origin", "none"):
             return _refused("Another site may not use the workbench.")
         if scope["method"] not in ("GET", "HEAD") and origin is None:
@@ -189,7 +189,7 @@ class Workbench:
         try:
             while not self.ended.is_set() and page in self.hub.pages:
                 with contextlib.suppress(TimeoutError):
-                    # Seconds after which a silent line to a page is used, to see whether it is there
+                    # After 15 s of silence something is sent to a page, to see whether it is there.
                     yield await asyncio.wait_for(page.get(), 15.0)
                     continue
                 yield ": here\n\n"
@@ -254,7 +254,7 @@ async def _in_time(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     """Chunks of a request's body; TimeoutError where the next one does not come."""
     while True:
         try:
-            # Time for which the next part of a request is waited for [s]
+            # The next part of a request is waited for, up to 20 s.
             yield await asyncio.wait_for(anext(chunks), 20.0)
         except StopAsyncIteration:
             return
@@ -280,7 +280,7 @@ async def _json(request: Request) -> dict[str, Any] | str:
     try:
         async for chunk in _in_time(request.stream()):
             content += chunk
-            # Bytes of a request that is no file
+            # A request that is no file is short.
             if len(content) > (1 << 16):
                 return "This is too much."
     except (ClientDisconnect, TimeoutError):
@@ -347,7 +347,7 @@ async def _watch(server: uvicorn.Server, bench: Workbench, keep: bool) -> None:
         await asyncio.sleep(0.2)
         hub = bench.hub
         alone = time.monotonic() - hub.left
-        # Seconds without any page after which the workbench ends: a reload takes less
+        # The workbench ends ten seconds after its last page: a reload takes less.
         if not keep and not hub.pages and alone > (10.0 if hub.seen else UNSEEN):
             server.should_exit = True
     bench.ended.set()
