@@ -21,7 +21,7 @@ sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from real_records import every
 
 KEYS = [
-    "choice", "model", "error", "errors", "verdict", "causes", "small", "left", "notes", "files",
+    "choice", "model", "error", "errors", "verdict", "causes", "proposal", "small", "left", "notes", "files",
 ]  # fmt: skip
 
 

@@ -109,7 +109,7 @@ def test_the_example_of_an_effect_page_runs_and_the_effect_removes_what_was_plan
 def test_the_reference_of_the_command_line_has_every_command_and_option(making, tmp_path):
     making("commands").write_page(tmp_path / "commands.md")
     text = (tmp_path / "commands.md").read_text(encoding="utf-8")
-    for name in ("analyze", "correct", "workbench", "export-c"):
+    for name in ("analyze", "correct", "workbench", "propose", "export-c"):
         assert f"## thermocorr {name}" in text
     for option in ("--refine", "--follow", "--effects", "--timezone", "--names"):
         assert option in text

@@ -10,7 +10,7 @@ from ._version import __version__
 
 if TYPE_CHECKING:
     from . import workbench
-    from .judgement import diagnose, refine
+    from .judgement import diagnose, propose, refine
     from .live import OnlineCorrector
     from .model import (
         DiffusiveFeatures,
@@ -31,7 +31,7 @@ _ROOMS = {
     ),
     "output.codec": ("ModelFileError",),
     "output.model_file": ("load_model", "save_model"),
-    "judgement": ("diagnose", "refine"),
+    "judgement": ("diagnose", "propose", "refine"),
     "live": ("OnlineCorrector",),
     "readers": ("read_log",),
     "records": ("RecordError", "RecordWarning"),
@@ -41,7 +41,7 @@ _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "DiffusiveFeatures", "DynamicBiasRegressor", "ModelFileError", "OnlineCorrector", "RecordError",
     "RecordWarning", "Sensor", "Thermometer", "TimeConstantSearch", "__version__", "compare_variants", "diagnose",
-    "load_model", "read_log", "refine", "save_model", "workbench",
+    "load_model", "propose", "read_log", "refine", "save_model", "workbench",
 ]  # fmt: skip
 
 

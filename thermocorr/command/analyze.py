@@ -119,6 +119,10 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
     if evaluated is not None and folder is not None:
         files.append(str(write_corrected(outputs, folder, loaded.log, evaluated)))
         files += map(str, write_model(outputs, folder, best))
+    proposal = None if answer.last is None else answer.last.proposal
+    if folder is not None and proposal is not None:
+        files.append(str(folder / "profile.csv"))
+        outputs.write(files[-1], proposal.profile.to_csv())
     outputs.commit()
     answer = replace(answer, files=tuple(files))
     if options.json:

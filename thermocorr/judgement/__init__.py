@@ -1,7 +1,8 @@
 """Judgement: what is missing, where, and its refinement."""
 
 from .diagnose import diagnose
+from .propose import Proposal, propose
 from .refine import Refinement, refine
 from .report import Diagnosis, FoundSuspect, Left
 
-__all__ = ["Diagnosis", "FoundSuspect", "Left", "Refinement", "diagnose", "refine"]
+__all__ = ["Diagnosis", "FoundSuspect", "Left", "Proposal", "Refinement", "diagnose", "propose", "refine"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from ..model.out_of_sample import OutOfSample
 from ..model.tables import VERDICTS
 from ..output.report import DiagnosisPage
 from ..output.words import (
+    decide_sentence,
     each_row,
     effect_text,
     left_sentences,
@@ -48,6 +50,7 @@ from .levels import (
     SEVERAL,
     TAILS,
 )
+from .propose import Proposal, propose
 from .scan import DATED, products_from
 from .score import Comparison, solved
 from .search import Search, Term, together
@@ -483,6 +486,20 @@ class Diagnosis(DiagnosisPage):
         """Proven effects too small to be added."""
         return self.suspects[self.n_causes : self.n_causes + self.n_small]
 
+    @cached_property
+    def proposal(self) -> Proposal | None:
+        """The measurement that decides between rivals, within the range that the record showed, see `propose`.
+
+        None for a diagnosis that is not ambiguous, for a pickled copy, and for a record too short to go on from.
+        """
+        if self.record is None or not self.causes or not self.causes[0].confusable_with:
+            return None
+        model, X, y = self.record
+        try:
+            return propose(model, self, X, y)
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+
     @property
     def best(self) -> Effect | None:
         """The first cause for ``model.with_effect``, or None."""
@@ -512,7 +529,10 @@ class Diagnosis(DiagnosisPage):
         return pd.DataFrame(rows, columns=RANKING).astype({"column": object})
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"record": None, "ahead": None}
+        return {name: value for name, value in self.__dict__.items() if name != "proposal"} | {
+            "record": None,
+            "ahead": None,
+        }
 
     def __str__(self) -> str:
         residual, floor = quantity_texts((self.residual_rms, self.noise_floor), self.unit, 4)
@@ -528,7 +548,7 @@ class Diagnosis(DiagnosisPage):
         said = self.causes or self.suspects[:3]
         word = "Cause" if self.causes else "Suspect"
         lines += [f"{word} {k}, {suspect_sentence(suspect)}" for k, suspect in enumerate(said, 1)]
-        lines += [sentence for sentence in [small_sentence(self)] if sentence]
+        lines += [sentence for sentence in [decide_sentence(self), small_sentence(self)] if sentence]
         lines += left_sentences(self.left, scale_of((self.residual_rms, self.noise_floor), self.unit), self.verdict)
         if self.best is not None and self.best.info is not None:
             lines.append(f"How to confirm the first: {self.best.info.bench_check}")

@@ -17,6 +17,7 @@ from ..records.errors import printable
 from ..records.numbers import Scale, scale_of, unit_text
 from .words import (
     better_text,
+    decide_sentence,
     effect_text,
     further_text,
     left_sentences,
@@ -196,6 +197,7 @@ class Answer:
             "errors": errors,
             "verdict": None if found is None else found.verdict,
             "causes": [cause.to_dict() for cause in self.causes],
+            "proposal": None if found is None or found.proposal is None else found.proposal.to_dict(),
             "small": 0 if found is None else len(found.small),
             "left": self.left,
             "notes": list(self.notes),
@@ -320,6 +322,8 @@ class Answer:
         found = self.last
         if found is None:
             return ""
+        if said := decide_sentence(found):
+            return said
         begin = next((cause for cause in self.causes if cause.state == "missing"), None)
         if begin is not None:
             add = "--refine adds what is missing to the model, and measures whether the error falls."

@@ -27,7 +27,7 @@ from .html import asset, decibels, number, percent, rendered
 from .model_displays import ContributionsDisplay
 from .residual_displays import AllanDisplay, ResidualsDisplay, added_noise_shown
 from .style import css
-from .words import HELPS, each_row, left_sentences, parameters_text, share_of_samples, small_sentence
+from .words import HELPS, each_row, parameters_text, said_of_rest, share_of_samples
 from .writer import write_file
 
 FLAGS = {
@@ -132,7 +132,7 @@ def report_text(model: DynamicBiasRegressor, X: Any, y: Any, answer: Answer) -> 
         found=found,
         calm=found is not None and VERDICTS[found.verdict].calm,
         said="" if found is None else said_of(found),
-        left=[] if found is None else [*left_sentences(found.left, scale, found.verdict), small_sentence(found)],
+        left=[] if found is None else said_of_rest(found, scale),
         scale=scale,
         follows=follows,
         where=None if found is None else _where(found, X),

@@ -82,6 +82,16 @@ def place_text(row: Any) -> str:
     return f"from {interval_text(row)}" if row.aspect == "time" else f"where {aspect_text(row)} is {interval_text(row)}"
 
 
+def decide_sentence(found: Any) -> str:
+    """Which measurement decides between rivals; "" for none."""
+    return "" if found.proposal is None else str(printable(found.proposal.sentence()))
+
+
+def said_of_rest(found: Any, scale: Scale) -> list[str]:
+    """What decides between rivals, what is left, and what is small."""
+    return [decide_sentence(found), *left_sentences(found.left, scale, found.verdict), small_sentence(found)]
+
+
 def effect_text(effect: Any) -> str:
     """Kind and column of an effect: ``lagged covariate: humidity``."""
     return str(effect.kind).replace("_", " ") + "".join(f": {printable(name)}" for name in effect.inputs()[:1])

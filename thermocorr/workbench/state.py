@@ -19,11 +19,10 @@ from ..output.words import (
     each_row,
     effect_text,
     interval_text,
-    left_sentences,
     parameters_text,
     probability_text,
+    said_of_rest,
     share_of_samples,
-    small_sentence,
     when_text,
 )
 from ..readers import guess
@@ -244,7 +243,7 @@ def _judged(found: Step) -> dict[str, Any]:
     sizes = [size for suspect in judged.causes for size in (suspect.before, suspect.after)]
     scale = scale_of((judged.residual_rms, judged.noise_floor, *sizes), judged.unit)
     helps = judged.best is not None and judged.suspects[0].standing == "helps"
-    left = [small_sentence(judged), *left_sentences(judged.left, scale, judged.verdict)]
+    left = said_of_rest(judged, scale)
     return {
         "verdict": judged.verdict,
         "calm": VERDICTS[judged.verdict].calm,
