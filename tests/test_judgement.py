@@ -160,3 +160,11 @@ def test_the_spectrum_of_what_is_left_is_that_of_the_noise():
     np.testing.assert_allclose(spectrum["noise"][middle], expected[middle], rtol=0.2)
     np.testing.assert_allclose(spectrum["residual"][f > 1e-3], expected[f > 1e-3], rtol=0.15)
     assert f[-1] < 0.5 / 30 and spectrum["white"].iloc[-1] == pytest.approx(0.3 * np.sqrt(60), rel=0.1)
+
+
+def test_a_column_that_only_counts_is_no_suspect():
+    """What goes with time is a drift, whatever counter was logged with it."""
+    record = make_record(3000, effects={"drift": 2.0}, seed=5)
+    X, y = record[["temperature"]].assign(counter=7.0 + 0.5 * np.arange(3000)), record["reading"]
+    found = diagnose(DynamicBiasRegressor("temperature", ["5 min", "90 min"]).fit(X[["temperature"]], y), X, y)
+    assert all("counter" not in suspect.effect.inputs() for suspect in found.suspects)
