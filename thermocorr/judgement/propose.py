@@ -36,7 +36,7 @@ NOTHING = "nothing missing"
 SURE = 16.0
 KEPT = ((SURE, 0.95), (8.0, 0.8), (4.0, 0.45))
 """Expected ratio from which the right cause is named in this share of cases (`benchmarks/propose.py`); none below.
-Undisturbed, no more than 80 % are: what the air will do is a guess."""
+Undisturbed, no more than 70 % are: what the air will do is a guess."""
 ROWS = 4000
 """Rows of the record at most: a longer one is averaged."""
 HOURLY = 6.0
@@ -430,10 +430,10 @@ def odds(ratio: float, driven: bool = True) -> float:
     Examples
     --------
     >>> odds(20.0), odds(20.0, driven=False), odds(5.0), odds(1.0)
-    (0.95, 0.8, 0.45, nan)
+    (0.95, 0.7, 0.45, nan)
     """
     share = next((share for least, share in KEPT if ratio >= least), np.nan)
-    return share if driven else min(share, 0.8)
+    return share if driven else min(share, 0.7)
 
 
 def _law(effect: Effect) -> tuple[str, Any]:
