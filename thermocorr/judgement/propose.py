@@ -35,7 +35,7 @@ UNDISTURBED = "log on, undisturbed"
 NOTHING = "nothing missing"
 SURE = 16.0
 KEPT = ((SURE, 0.95), (8.0, 0.8), (4.0, 0.45))
-"""Expected ratio from which the right cause is named in this share of cases (`benchmarks/propose.py`); none below.
+"""Least expected ratio, and the share of cases in which the right cause is then named (`benchmarks/propose.py`).
 Undisturbed, no more than 70 % are: what the air will do is a guess."""
 ROWS = 4000
 """Rows of the record at most: a longer one is averaged."""

@@ -200,7 +200,7 @@ def worth_text(suspect: Any) -> str:
 
 
 def matters_text(readings: int) -> str:
-    """From which averaging on an effect is larger than the noise."""
+    """The averaging at which an effect exceeds the noise."""
     return "more than one reading's noise" if readings < 2 else f"matters if you average {readings:,} readings or more"
 
 
