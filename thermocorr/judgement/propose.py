@@ -37,6 +37,8 @@ SURE = 16.0
 KEPT = ((SURE, 0.95), (8.0, 0.8), (4.0, 0.45))
 """Least expected ratio, and the share of cases in which the right cause is then named (`benchmarks/propose.py`).
 Undisturbed, no more than 70 % are: what the air will do is a guess."""
+WAITED = 0.6
+"""Share of cases in which the days that are stated have decided between laws of time (the same, `--of-time`)."""
 ROWS = 4000
 """Rows of the record at most: a longer one is averaged."""
 HOURLY = 6.0
@@ -81,7 +83,7 @@ class Proposal:
         if self.days is not None:
             if self.days == 0:
                 return f"Only time distinguishes {between}, and more of it than {DAYS[-1]} days."
-            return f"Only time distinguishes {between}: log on for {self.days} days, without a gap."
+            return f"Only time distinguishes {between}: log on for {self.days} days, without a gap: {_of_100(WAITED)}."
         if np.isnan(self.table["odds"].iloc[0]):
             return f"No profile within these limits distinguishes {between} in {number_text(self.hours)} h."
         quiet = float(self.table["odds"][UNDISTURBED])
