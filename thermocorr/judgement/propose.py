@@ -162,7 +162,8 @@ def propose(
     Raises
     ------
     ValueError
-        For a diagnosis without rivals, limits of a column that the record does not have, or that are in no order.
+        For a diagnosis without rivals, limits of a column that the record does not have, or that are in no order, hours
+        that are not positive, or the fastest change of a column that is not driven.
 
     Examples
     --------
@@ -185,8 +186,16 @@ def propose(
     with one_blas_thread():
         old = _History.of(model, X, y)
         rivals = Rivals(old, model, [cause.effect, *cause.confusable_with])
-        limits = old.checked(limits, rivals.columns)
-        profiles = old.profiles(limits, hours, dict(fastest or {}))
+        limits, fastest = old.checked(limits, rivals.columns), dict(fastest or {})
+        if not 0 < hours < np.inf:
+            raise ValueError(f"{option('hours')} must be a positive number. Got {hours} instead.")
+        for name, rate in fastest.items():
+            if name not in limits or not rate > 0:
+                raise ValueError(
+                    f"{option('fastest')} takes a positive rate of a driven column, one of {listing(limits)}. Got "
+                    f"{rate} for {name!r} instead."
+                )
+        profiles = old.profiles(limits, hours, fastest)
         rows = [(*rivals.judged(profile), driven) for profile, driven in profiles.values()]
         table = pd.DataFrame(rows, list(profiles), ["ratio", "hardest", "mean", "driven"])
         table.insert(1, "odds", [odds(row[0], row[-1] is not None) for row in rows])
@@ -339,7 +348,7 @@ class Rivals:
         """
         record = self._record(frame)
         step, span = record.usual_step(), record.longest_read()
-        further = [effect for _, effect in self.model.features_.further_effects()]
+        further = [clone(effect) for _, effect in self.model.features_.further_effects()]
         base = [
             StaticPolynomial(max(2, self.model.degree_)),
             ThermalLag(list(np.geomspace(step, span / 10, 8))),
@@ -427,13 +436,7 @@ def _of_time(effect: Effect) -> bool:
 
 
 def odds(ratio: float, driven: bool = True) -> float:
-    """Share of cases in which the right cause is named; NaN for no promise.
-
-    Examples
-    --------
-    >>> odds(20.0), odds(20.0, driven=False), odds(5.0), odds(1.0)
-    (0.95, 0.7, 0.45, nan)
-    """
+    """Share of cases in which the right cause is named; NaN for no promise."""
     share = next((share for least, share in KEPT if ratio >= least), np.nan)
     return share if driven else min(share, 0.7)
 

@@ -50,7 +50,7 @@ def refuse_no_seconds(numbers: NDArray[np.float64], where: str, first_row: int =
         raise RecordError(
             f"{begins} these are Unix times in {unit}, and numbers are taken as seconds. {way(said, dates)}."
         )
-    if np.median(numbers) >= 1e10:  # 300 years are no seconds of a log; one damaged time is none of these
+    if np.median(numbers) >= 1e10:  # 300 years are no seconds of a log; one damaged time does not move the median
         raise RecordError(
             f"{begins} no seconds, and no Unix times of this century. "
             f"{way('Say what they are with --time-format', 'Make dates, spans or seconds of them')}."
