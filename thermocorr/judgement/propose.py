@@ -322,17 +322,12 @@ class Rivals:
         return (*self.families, *self.static)
 
     def _learned(self, base: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients of a rival and their covariance.
-
-        What was chosen for its size is smaller than it looks: the mean is shrunk (James & Stein 1961).
-        """
+        """Coefficients of a rival and their covariance."""
         B, C, r = (self._whitened(part) for part in (base, columns, self.old.reading[:, None]))
         B = _basis(B)
         C, r = (part - B @ (B.T @ part) for part in (C, r))
         inverse = np.linalg.pinv(C.T @ C, rcond=1e-8)
-        mean = inverse @ C.T @ r
-        gain = float(((C @ mean) ** 2).sum())
-        return mean * max(0.0, 1 - C.shape[1] / max(gain, 1e-300)), inverse
+        return inverse @ C.T @ r, inverse
 
     def _record(self, frame: pd.DataFrame) -> Record:
         return read_record(frame, Layout(self.old.temperature), needed=list(frame.columns), quiet=True)
