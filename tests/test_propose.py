@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thermocorr import DynamicBiasRegressor, diagnose, propose
+from thermocorr import DynamicBiasRegressor, calibration_profile, diagnose, propose
 from thermocorr.command.cli import main
 from thermocorr.datasets import make_record
 from thermocorr.effects import (
@@ -74,9 +74,19 @@ def test_odds_are_stated_where_they_are_kept(record):
 
 def test_laws_of_time_ask_for_days_and_for_no_profile(record):
     model, X, y = record
+    y = y + np.linspace(0.0, 3.0, len(y))
     proposal = propose(model, between(Drift(), LogAgeing(3600.0)), X, y, limits=LIMITS)
-    assert proposal.days is not None
-    assert proposal.sentence().startswith("Only time distinguishes drift from log ageing")
+    assert proposal.days and proposal.profile is None and proposal.table["odds"].isna().all()
+    assert f"drift from log ageing in 24 h; time does: log on for {proposal.days} days" in proposal.sentence()
+
+
+def test_time_decides_where_no_profile_does(record):
+    """Pressure cannot be driven; a drift does not come back as the weather does."""
+    model, X, y = record
+    rivals, y = between(Covariate("pressure"), Drift()), y + np.linspace(0.0, 3.0, len(y))
+    proposal = propose(model, rivals, X, y, limits={"temperature": (22.0, 23.0)}, hours=3)
+    assert np.isnan(proposal.table["odds"].iloc[0]) and proposal.days
+    assert "in 3 h; time does: log on" in proposal.sentence()
 
 
 def test_a_late_form_is_bounded_and_not_excluded(record):
@@ -169,6 +179,55 @@ def test_a_temperature_that_comes_back_decides_between_a_drift_and_a_static_law(
     y = 100 + 2 * np.arange(n) / n + 0.05 * np.random.default_rng(3).standard_normal(n)
     model = DynamicBiasRegressor("temperature", ["5 min"]).fit(X, y)
     proposal = propose(model, between(Drift(), StaticPolynomial(1)), X, y, limits={"temperature": (20, 23)}, hours=12)
-    assert proposal.days is None and proposal.rivals == ("drift", "static polynomial")
+    assert proposal.rivals == ("drift", "static polynomial")
     assert proposal.table["driven"].iloc[0] == "temperature"
     assert str(proposal.profile.index.tz) == "UTC" and proposal.profile.index[0] > index[-1]
+
+
+def test_a_first_calibration_stays_within_its_limits_and_learns_fast_and_slow_lags(tmp_path, capsys):
+    """A device of two lags, minutes and hours: the model knows later air better than after a day in a flat room."""
+    out = tmp_path / "profile.csv"
+    assert main(["propose", "--drive", "oven", "21", "25", "--out", str(out)]) == 0
+    assert "Let the instrument settle at 23 before" in capsys.readouterr().out
+    T = pd.read_csv(out, index_col="seconds")["oven"]
+    assert len(T) == 1440 and T.min() == 21 and T.max() == 25 and T.diff().abs().max() <= 0.1 + 1e-9
+    model = DynamicBiasRegressor("temperature")
+    rng, minutes = np.random.default_rng(5), np.arange(4320)
+    later = 23 + np.sin(2 * np.pi * minutes / 1440) + 0.3 * np.sin(2 * np.pi * minutes / 97)
+    room = 23 + 0.3 * np.sin(2 * np.pi * minutes[:1440] / 1440)
+
+    def bias(temperature):
+        fast, slow = (
+            pd.Series(temperature - 23).ewm(alpha=1 - np.exp(-1 / tau), adjust=False).mean() for tau in (5, 120)
+        )
+        return (6 * fast + 4 * slow).to_numpy()
+
+    def error(temperature):
+        model.fit(_dated(temperature), bias(temperature) + 0.2 * rng.standard_normal(len(temperature)))
+        return np.std((model.predict(_dated(later)) - bias(later))[1440:])
+
+    assert error(T.to_numpy()) < error(room)
+
+
+def _dated(temperature):
+    return pd.DataFrame({"temperature": temperature}, pd.date_range("2024-03-04", periods=len(temperature), freq="min"))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((25, 21), "a lower and an upper one. Got 25 and 21"),
+        ((21, np.inf), "Got 21 and inf"),
+        ((21, 25, {"hours": 0}), "must be a positive number. Got 0"),
+        ((21, 25, {"hours": 0.1}), "6 samples of 60.0 s in 0.1 h are fewer than the 16 levels"),
+    ],
+)
+def test_a_first_calibration_refuses_limits_and_lengths_that_are_none(given, said):
+    low, high, *more = given
+    with pytest.raises(ValueError, match=said):
+        calibration_profile(low, high, **(more[0] if more else {}))
+
+
+def test_without_a_log_a_temperature_is_needed(tmp_path, capsys):
+    assert main(["propose", "--out", str(tmp_path / "profile.csv")]) == 2
+    assert "one --drive gives the temperature's name" in capsys.readouterr().err

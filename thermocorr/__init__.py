@@ -10,7 +10,7 @@ from ._version import __version__
 
 if TYPE_CHECKING:
     from . import workbench
-    from .judgement import diagnose, propose, refine
+    from .judgement import calibration_profile, diagnose, propose, refine
     from .live import OnlineCorrector
     from .model import (
         DiffusiveFeatures,
@@ -31,7 +31,7 @@ _ROOMS = {
     ),
     "output.codec": ("ModelFileError",),
     "output.model_file": ("load_model", "save_model"),
-    "judgement": ("diagnose", "propose", "refine"),
+    "judgement": ("calibration_profile", "diagnose", "propose", "refine"),
     "live": ("OnlineCorrector",),
     "readers": ("read_log",),
     "records": ("RecordError", "RecordWarning"),
@@ -40,8 +40,8 @@ _ROOMS = {
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 __all__ = [
     "DiffusiveFeatures", "DynamicBiasRegressor", "ModelFileError", "OnlineCorrector", "RecordError",
-    "RecordWarning", "Sensor", "Thermometer", "TimeConstantSearch", "__version__", "compare_variants", "diagnose",
-    "load_model", "propose", "read_log", "refine", "save_model", "workbench",
+    "RecordWarning", "Sensor", "Thermometer", "TimeConstantSearch", "__version__", "calibration_profile",
+    "compare_variants", "diagnose", "load_model", "propose", "read_log", "refine", "save_model", "workbench",
 ]  # fmt: skip
 
 

@@ -120,9 +120,10 @@ def _run(options: argparse.Namespace, say: Callable[[str], None], progress: Prog
         files.append(str(write_corrected(outputs, folder, loaded.log, evaluated)))
         files += map(str, write_model(outputs, folder, best))
     proposal = None if answer.last is None else answer.last.proposal
-    if folder is not None and proposal is not None:
+    profile = None if proposal is None else proposal.profile
+    if folder is not None and profile is not None:
         files.append(str(folder / "profile.csv"))
-        outputs.write(files[-1], proposal.profile.to_csv())
+        outputs.write(files[-1], profile.to_csv())
     outputs.commit()
     answer = replace(answer, files=tuple(files))
     if options.json:

@@ -18,7 +18,7 @@ COMMANDS = {
     "analyze": "compare corrections of a log, say what is missing, write the corrected log and the model",
     "correct": "correct a log, or a stream of lines, with a fitted model",
     "workbench": "compare, see where it fails, add what is missing: in a browser on this machine",
-    "propose": "find the measurement that decides between causes that a log cannot distinguish",
+    "propose": "find the measurement that decides between causes, or a first calibration",
     "export-c": "write a fitted model as C source for a microcontroller",
 }
 """Name -> what for. The module of that name does it: `add_arguments`, `run`."""

@@ -1,4 +1,4 @@
-"""`thermocorr propose`: the measurement that decides between causes."""
+"""`thermocorr propose`: the measurement that decides between causes, or a first calibration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from ..judgement import diagnose, propose
+from ..judgement import calibration_profile, diagnose, propose
+from ..judgement.propose import HOURLY
 from ..output.writer import Outputs
 from ..records.errors import RecordError
 from .loading import add_column_options, add_table_options, add_time_constants, check_time_constants, load_log
@@ -16,7 +17,9 @@ from .loading import add_column_options, add_table_options, add_time_constants, 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("log", nargs="+", help="the log, as for analyze")
+    parser.add_argument(
+        "log", nargs="*", help="the log, as for analyze; without one, the profile of a first calibration within --drive"
+    )
     add_table_options(parser)
     add_column_options(parser)
     add_time_constants(parser)
@@ -46,6 +49,9 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
     check_time_constants(options)
     limits = {name: (_number(low, "--drive"), _number(high, "--drive")) for name, low, high in options.drive or ()}
     fastest = {name: _number(rate, "--fastest") for name, rate in options.fastest or ()}
+    if not options.log:
+        _first_calibration(options, limits, fastest, say)
+        return
     with Outputs(options.log, options.force) as outputs:
         outputs.claim(options.out)
         loaded = load_log(options)
@@ -59,12 +65,43 @@ def run(options: argparse.Namespace, say: Callable[[str], Any], progress: Callab
                 f"There is nothing to decide: the verdict is {found.verdict!r}. thermocorr analyze says more."
             )
         proposal = propose(model, found, X, y, limits=limits or None, hours=options.hours, fastest=fastest)
-        outputs.write(options.out, proposal.profile.to_csv())
+        profile = proposal.profile
+        if profile is not None:
+            outputs.write(options.out, profile.to_csv())
         outputs.commit()
     if options.json:
         say(json.dumps(proposal.to_dict(), indent=1, allow_nan=False))
         return
-    say(f"{proposal}\nWritten: {options.out}")
+    say(f"{proposal}\n{'Nothing to drive, nothing written.' if profile is None else f'Written: {options.out}'}")
+
+
+def _first_calibration(
+    options: argparse.Namespace,
+    limits: dict[str, tuple[float, float]],
+    fastest: dict[str, float],
+    say: Callable[[str], Any],
+) -> None:
+    """Write the profile of an instrument of which nothing is known."""
+    if len(limits) != 1 or fastest.keys() - limits.keys():
+        raise RecordError(
+            "Without a log, one --drive gives the temperature's name and its limits, for a first calibration: "
+            "thermocorr propose --drive temperature 21 25. With a log, the measurement decides between causes."
+        )
+    (name, (low, high)), *_ = limits.items()
+    profile = calibration_profile(low, high, hours=options.hours, fastest=fastest.get(name, HOURLY)).rename(name)
+    with Outputs([], options.force) as outputs:
+        outputs.claim(options.out)
+        outputs.write(options.out, profile.to_csv())
+        outputs.commit()
+    if options.json:
+        rows = {"hours": options.hours, "column": name, "seconds": profile.index.tolist(), "values": profile.tolist()}
+        say(json.dumps(rows, allow_nan=False))
+        return
+    say(
+        f"First calibration: {name} in shortening stairs between {low:g} and {high:g}, for {options.hours:g} h.\n"
+        f"Let the instrument settle at {(low + high) / 2:g} before. Limits should be the range of use and 1 K on each "
+        f"side.\nWritten: {options.out}"
+    )
 
 
 def _number(text: str, option: str) -> float:
