@@ -276,7 +276,7 @@ def main() -> None:
         return
     if len(options.calibrate) == 2:
         errors = pd.DataFrame(work(delayed(calibrated)(seed) for seed in range(*options.calibrate)))
-        print(f"later error [ppm], median: {dict(errors.median().round(3))}")
+        print(f"later error [ppm], median: {errors.median().round(3).to_dict()}")
         for arm in errors.columns[1:]:
             print(
                 f"limits {arm} beyond the range of use: better than room air {interval(errors[arm] < errors['room'])}"
@@ -289,7 +289,9 @@ def main() -> None:
     print(f"processor time {table['seconds'].median():.2f} s median, {table['seconds'].max():.2f} at most")
     table = table[~table["nested"]]
     stated = table[table["days"] > 0]
-    print(f"days stated {dict(stated['days'].value_counts())}, named rightly after them {interval(stated['logged'])}")
+    print(
+        f"days stated {stated['days'].value_counts().to_dict()}, named rightly after them {interval(stated['logged'])}"
+    )
     if options.of_time:
         return
     for arm in ARMS:

@@ -101,7 +101,7 @@ def test_a_proposal_is_printed_drawn_and_written(record):
     assert str(proposal).startswith(proposal.sentence())
     assert json.loads(json.dumps(proposal.to_dict()))["profiles"][0]["profile"] == proposal.best
     pytest.importorskip("matplotlib")
-    assert proposal.plot().get_title(loc="left") == proposal.sentence()
+    assert " ".join(proposal.plot().get_title(loc="left").split()) == proposal.sentence()
 
 
 @pytest.mark.parametrize("kind", ["an array", "seconds", "two runs"])

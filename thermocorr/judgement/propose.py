@@ -8,6 +8,7 @@ Tommasi & Trandafir, J. R. Statist. Soc. B 69, 2007). What is not driven is expe
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -113,16 +114,15 @@ class Proposal:
         }
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the first profile; returns the Axes."""
+        """Draw the first profile, or what is undisturbed; returns the Axes."""
         from ..output.axes import axes_grid, pyplot
         from ..output.style import STYLE
 
-        frame, driven = self.frames[self.best], self.table["driven"].iloc[0]
-        driven = frame.columns[0] if pd.isna(driven) else driven
+        frame = self.frames[UNDISTURBED] if self.profile is None else self.profile
         with pyplot().rc_context(STYLE):
             ax = axes_grid(ax, rows=1, columns=1, size=(8.0, 3.0))[0, 0]
-            ax.plot(frame.index, frame[driven])
-            ax.set(title=self.sentence(), ylabel=str(driven))
+            ax.plot(frame.index, frame.iloc[:, 0])
+            ax.set(title=textwrap.fill(self.sentence(), 90), ylabel=str(frame.columns[0]))
         return ax
 
 
