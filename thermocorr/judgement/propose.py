@@ -239,7 +239,7 @@ def calibration_profile(
     Raises
     ------
     ValueError
-        For limits in no order, or lengths and rates that are not positive, or fewer samples than levels.
+        For limits in no order or out of reach, lengths and rates that are not positive, or fewer samples than levels.
 
     Examples
     --------
@@ -261,6 +261,11 @@ def calibration_profile(
         )
     place = np.searchsorted(ends / ends[-1], np.arange(n) / n, side="right")
     values = _slewed(low + (high - low) * levels[place], (low + high) / 2, fastest * step / 3600)
+    if np.ptp(values) < (high - low) * (1 - 1e-9):
+        raise ValueError(
+            f"At {fastest} K/h, {hours} h reach {values.min():.4g} to {values.max():.4g} of the limits {low} to {high}: "
+            "take more hours, closer limits, or faster changes."
+        )
     return pd.Series(values, pd.Index(step * np.arange(n), name="seconds"), name="temperature")
 
 
