@@ -263,7 +263,7 @@ def calibration_profile(
     values = _slewed(low + (high - low) * levels[place], (low + high) / 2, fastest * step / 3600)
     if np.ptp(values) < (high - low) * (1 - 1e-9):
         raise ValueError(
-            f"At {fastest} K/h, {hours} h reach {values.min():.4g} to {values.max():.4g} of the limits {low} to {high}: "
+            f"At {fastest} K/h, {hours} h reach {values.min():.4g} to {values.max():.4g}, not {low} to {high}: "
             "take more hours, closer limits, or faster changes."
         )
     return pd.Series(values, pd.Index(step * np.arange(n), name="seconds"), name="temperature")
