@@ -3,7 +3,8 @@
 Each profile of the coming hours continues the record. For each rival as the truth, with the coefficients that the
 record gives it, the expected log likelihood ratio against every other rival and against nothing missing is computed,
 each refitted on old and new rows together, noise included. The smallest ratio decides (KL-optimality: Lopez-Fidalgo,
-Tommasi & Trandafir, J. R. Statist. Soc. B 69, 2007). What is not driven is expected to go on as the record did.
+Tommasi & Trandafir, J. R. Statist. Soc. B 69, 2007). What is not driven is expected to go on as the record did. Where no
+profile of these hours decides, days may.
 """
 
 from __future__ import annotations
@@ -460,10 +461,10 @@ class Rivals:
         for truth, (mean, spread) in self.known.items():
             values, vectors = np.linalg.eigh(spread)
             draws = out[truth][0] @ np.column_stack([mean, vectors * np.sqrt(np.maximum(values, 0.0))])
+            no_effect = self.of_time or isinstance(self.families[truth][0], InitialTransient)  # which the model has
             pairs = {}
             for label, spans in bases.items():
-                own_start = self.families[truth][0].kind == InitialTransient.kind  # which the model has
-                if label == truth or (label == NOTHING and (self.of_time or own_start)):
+                if label == truth or (label == NOTHING and no_effect):
                     continue
                 left = min(([draws - Q @ (Q.T @ draws) for Q in spans]), key=lambda part: float(np.sum(part**2)))
                 if float(np.sum(left**2)) < 1e-6 * float(np.sum(draws**2)):  # a special case: the simpler one is named
