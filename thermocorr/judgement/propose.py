@@ -3,8 +3,8 @@
 Each profile of the coming hours continues the record. For each rival as the truth, with the coefficients that the
 record gives it, the expected log likelihood ratio against every other rival and against nothing missing is computed,
 each refitted on old and new rows together, noise included. The smallest ratio decides (KL-optimality: Lopez-Fidalgo,
-Tommasi & Trandafir, J. R. Statist. Soc. B 69, 2007). What is not driven is expected to go on as the record did. Where no
-profile of these hours decides, days may.
+Tommasi & Trandafir, J. R. Statist. Soc. B 69, 2007). What is not driven is expected to go on as the record did. Where
+no profile of these hours decides, days may.
 """
 
 from __future__ import annotations
@@ -88,10 +88,8 @@ class Proposal:
         if np.isnan(self.table["odds"].iloc[0]):
             *first, last = self.rivals
             between = f"{', '.join(first)} from {last}"
-            wait = (
-                f"; time does: {wait}" if wait else f", nor do {DAYS[-1]} days, undisturbed" if self.days == 0 else ""
-            )
-            return f"No profile within these limits distinguishes {between} in {length}{wait}."
+            time = f"; time does: {wait}" if wait else f", nor do {DAYS[-1]} days, undisturbed"
+            return f"No profile within these limits distinguishes {between} in {length}{time}."
         quiet = float(self.table["odds"][UNDISTURBED])
         without = "" if self.best == UNDISTURBED else f"; undisturbed {_of_100(quiet)}"
         said = f"To decide: {self.best}, for {length}: {_of_100(self.table['odds'].iloc[0])}"
