@@ -141,6 +141,12 @@ def test_lengths_and_rates_that_are_none_are_refused(record, more):
         propose(model, between(Hinge(22.5), Interaction("humidity")), X, y, limits=LIMITS, **more)
 
 
+def test_a_profile_of_few_rows_is_refused(record):
+    model, X, y = record
+    with pytest.raises(ValueError, match=r"must be 0\.267 or more: a row stands for 0\.0167 h of this record"):
+        propose(model, between(Hinge(22.5), Interaction("humidity")), X, y, limits=LIMITS, hours=0.1)
+
+
 def test_where_nothing_is_ambiguous_nothing_is_proposed(record):
     model, X, y = record
     calm = SimpleNamespace(verdict="nothing missing", causes=())

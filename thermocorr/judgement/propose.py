@@ -165,8 +165,8 @@ def propose(
     Raises
     ------
     ValueError
-        For a diagnosis without rivals, limits of a column that the record does not have, or that are in no order, hours
-        that are not positive, or the fastest change of a column that is not driven.
+        For a diagnosis without rivals, limits of a column that the record does not have, or that are in no order, fewer
+        than 16 rows in these hours, or the fastest change of a column that is not driven.
 
     Examples
     --------
@@ -328,7 +328,13 @@ class _History:
         self, limits: Mapping[Any, tuple[float, float]], hours: float, fastest: Mapping[Any, float]
     ) -> dict[str, tuple[pd.DataFrame, Any]]:
         """Name -> the rows to come, and the column that is driven."""
-        n = max(2, round(3600 * hours / self.step))
+        n = round(3600 * hours / self.step)
+        if n < 2 * len(STAIRS):
+            least = number_text(2 * len(STAIRS) * self.step / 3600)
+            raise ValueError(
+                f"{option('hours')} must be {least} or more: a row stands for {number_text(self.step / 3600)} h of this "
+                f"record, and a profile needs {2 * len(STAIRS)} of them. Got {number_text(hours)} instead."
+            )
         quiet = self.continued(n)
         found: dict[str, tuple[pd.DataFrame, Any]] = {UNDISTURBED: (quiet, None)}
         for name, (low, high) in limits.items():
