@@ -332,8 +332,8 @@ class _History:
         if n < 2 * len(STAIRS):
             least = number_text(2 * len(STAIRS) * self.step / 3600)
             raise ValueError(
-                f"{option('hours')} must be {least} or more: a row stands for {number_text(self.step / 3600)} h of this "
-                f"record, and a profile needs {2 * len(STAIRS)} of them. Got {number_text(hours)} instead."
+                f"{option('hours')} must be {least} or more: a row stands for {number_text(self.step / 3600)} h of "
+                f"this record, and a profile needs {2 * len(STAIRS)} of them. Got {number_text(hours)} instead."
             )
         quiet = self.continued(n)
         found: dict[str, tuple[pd.DataFrame, Any]] = {UNDISTURBED: (quiet, None)}
