@@ -36,9 +36,11 @@ from .search import LATE_FORM
 UNDISTURBED = "log on, undisturbed"
 NOTHING = "nothing missing"
 SURE = 16.0
-KEPT = ((SURE, 0.95), (8.0, 0.8), (4.0, 0.45))
-"""Least expected ratio, and the share of cases in which the right cause is then named (`benchmarks/propose.py`).
-Undisturbed, no more than 70 % are: what the air will do is a guess."""
+KEPT = ((SURE, 0.93, 0.8), (8.0, 0.85, 0.7), (4.0, 0.5, 0.45))
+"""Least expected ratio, and the share of cases in which the right cause is then named, driven and undisturbed.
+
+What the air will do is a guess (`benchmarks/propose.py`).
+"""
 WAITED = 0.9
 """Share of cases in which the days that are stated have decided (the same)."""
 ROWS = 4000
@@ -504,8 +506,7 @@ def _of_time(effect: Effect) -> bool:
 
 def odds(ratio: float, driven: bool = True) -> float:
     """Share of cases in which the right cause is named; NaN for no promise."""
-    share = next((share for least, share in KEPT if ratio >= least), np.nan)
-    return share if driven else min(share, 0.7)
+    return next((share if driven else quiet for least, share, quiet in KEPT if ratio >= least), np.nan)
 
 
 def _law(effect: Effect) -> tuple[str, Any]:
