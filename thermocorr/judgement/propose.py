@@ -36,7 +36,7 @@ from .search import LATE_FORM
 UNDISTURBED = "log on, undisturbed"
 NOTHING = "nothing missing"
 SURE = 16.0
-KEPT = ((SURE, 0.93, 0.8), (8.0, 0.85, 0.7), (4.0, 0.5, 0.45))
+KEPT = ((SURE, 0.93, 0.8), (8.0, 0.8, 0.7), (4.0, 0.5, 0.45))
 """Least expected ratio, and the share of cases in which the right cause is then named, driven and undisturbed.
 
 What the air will do is a guess (`benchmarks/propose.py`).
