@@ -11,7 +11,7 @@ proposed with the temperature alone, undisturbed, and with a random temperature,
 named first, without a rival.
 
 A first calibration of 24 h, by stairs or in room air, is judged by its error on days 4 to 8 of the room. A
-device has a nonlinearity of its own, and has settled when it begins, or is .6 K off.
+device has a nonlinearity of its own, and has settled when it begins, or is off by .6 K (standard deviation).
 """
 
 import json

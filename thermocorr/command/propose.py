@@ -100,7 +100,7 @@ def _first_calibration(
     say(
         f"First calibration: {name} in long and short steps between {low:g} and {high:g}, for {options.hours:g} h.\n"
         f"Let the instrument settle at {(low + high) / 2:g} before. Limits should be the range of use and 1 K on each "
-        f"side.\nWritten: {options.out}"
+        f"side: wider ones mislead.\nWritten: {options.out}"
     )
 
 
